@@ -10,6 +10,7 @@
 #include "server/base/memory_budget.h"
 #include "server/command_table.h"
 #include "server/config_file.h"
+#include "server/gate/small_file.h"
 #include "server/service/server_info.h"
 
 namespace sightline {
@@ -355,12 +356,19 @@ void add_drills(CLI::App& app, RawFlags& raw) {
 }
 
 void add_configuration(CLI::App& app, RawFlags& raw) {
-  app.set_config("--config", "", "File to read flags from, in the format of --print-config; the command line wins")
+  const auto check_file = [](const std::string& path) {
+    const auto text = read_small_file(path, "");
+    return text ? std::string() : text.error().message;
+  };
+  app.set_config("--config", "", "File to read flags from, in the format of --print-config; the command line wins. It has at most 1 MiB")
+      ->check(CLI::Validator(check_file, ""))
+      ->type_name("FILE")
       ->configurable(false);
   app.add_flag("--print-config", raw.print_config,
                "Print all flags with their values in the format of --config, and exit")
       ->configurable(false);
-  app.add_flag("--check-config", raw.check_config, "Check the flags and exit: 0 when they are valid, otherwise 2")
+  app.add_flag("--check-config", raw.check_config, "Try whether the daemon can start with these flags on this machine, and exit: 0 when it can, otherwise 2. It reads the files that the flags "
+               "name and makes the device, but takes no address")
       ->configurable(false);
   app.set_version_flag("--version", std::string("sightlined ") + kVersion, "Print the version and exit")
       ->configurable(false);
@@ -487,16 +495,13 @@ Command CommandLine::Parts::command() {
   if (app.got_subcommand("demo")) return BecomeDemo{app.get_subcommand("demo")->remaining()};
   fit_memory(app, raw.flags, budgets);
   const bool devices = app.got_subcommand("devices");
-  if (!devices && !raw.print_config) check_together(raw.flags);
+  if (raw.check_config || (!devices && !raw.print_config)) check_together(raw.flags);
   if (raw.print_config) {
     check_printable(app);
     std::cout << app.config_to_str(true, true);
     return Exit{0};
   }
-  if (raw.check_config) {
-    std::cout << "the configuration is valid\n";
-    return Exit{0};
-  }
+  if (raw.check_config) return CheckConfig{finished(raw)};
   if (devices) return ReportDevices{finished(raw), raw.json};
   if (app.got_subcommand("healthcheck")) return CheckHealth{finished(raw), raw.address, raw.tls, raw.alive};
   return Serve{finished(raw)};

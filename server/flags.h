@@ -88,11 +88,15 @@ struct CheckHealth {
   bool tls = false;     // TCP is encrypted there; it is in any case when the daemon's flags name a certificate
   bool alive = false;   // ask for liveness instead of readiness
 };
+// Try whether the daemon can start with these flags.
+struct CheckConfig {
+  Flags flags;
+};
 // The process ends with this code. Help, version, configuration or error have been printed.
 struct Exit {
   int code = 0;
 };
-using Command = std::variant<Serve, ReportDevices, CheckHealth, BecomeDemo, Exit>;
+using Command = std::variant<Serve, ReportDevices, CheckHealth, CheckConfig, BecomeDemo, Exit>;
 
 // Knows all flags. Making one takes far longer than parsing a command line with it. Not thread-safe.
 class CommandLine {

@@ -1,7 +1,6 @@
 // sightlined: flags -> parts wired by hand -> run -> orderly stop.
 #include <grpcpp/grpcpp.h>
 #include <malloc.h>
-#include <sys/mman.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -29,6 +28,7 @@
 #include "server/gl/software_renderer.h"
 #include "server/health_check.h"
 #include "server/metrics/operator_pages.h"
+#include "server/preparation.h"
 #include "server/service/listener.h"
 #include "server/record/recorder.h"
 #include "server/service/server_info.h"
@@ -36,6 +36,7 @@
 #include "server/service/service.h"
 #include "server/service/watchdog.h"
 #include "server/service_manager.h"
+#include "server/signals.h"
 #include "server/sample/embree_sampler.h"
 #include "server/sample/sampler_choice.h"
 
@@ -58,10 +59,10 @@ constexpr size_t kDescriptorsOfConnection = 3;
 // For everything else: the log, listeners, scene files, threads' queues, devices.
 constexpr size_t kDescriptorReserve = 128;
 constexpr rlim_t kDescriptorsWanted = 65'536;
-// What a start takes, with room to load scenes; and what each stepping thread adds, with those of the libraries.
-constexpr size_t kAddressSpace = size_t{1} << 30, kAddressSpaceOfThread = size_t{160} << 20;
 // How often freed memory is given back to the system, and changed credentials are looked for.
 constexpr std::chrono::seconds kTidyPeriod{10};
+// How soon changed credentials are looked at again that have not settled yet.
+constexpr milliseconds kSettlePoll{250};
 // Larger blocks, such as the largest messages, come straight from the system and go straight back. Without a fixed size the allocator learns from the
 // first large message to keep several megabytes for each thread, which malloc_trim does not give back.
 constexpr int kLargeBlock = 1 << 20;
@@ -70,44 +71,13 @@ constexpr size_t kWorthTrimming = size_t{4} << 20;
 // How often the queues of recorded sessions are written to the disk.
 constexpr milliseconds kRecordPeriod{50};
 
-// The signals that main waits for with sigwait. They are blocked in all threads.
-sigset_t awaited_signals() {
-  sigset_t signals;
-  sigemptyset(&signals);
-  for (const int signal : {SIGTERM, SIGINT, SIGQUIT, SIGHUP, SIGUSR1, SIGUSR2}) sigaddset(&signals, signal);
-  return signals;
-}
-
-bool stops(int signal) {
-  return signal == SIGTERM || signal == SIGINT || signal == SIGQUIT;
-}
-
 // Runs before any thread starts, because threads inherit the signal mask and libraries read the environment once.
 void prepare_process() {
   ::mallopt(M_MMAP_THRESHOLD, kLargeBlock);
-  const sigset_t signals = awaited_signals();
-  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-  std::signal(SIGPIPE, SIG_IGN);
+  take_over_signals();
   prepare_software_rendering();
   // gRPC's own log lines have another format. Everything that matters comes back as an error or a status.
   setenv("GRPC_VERBOSITY", "NONE", 0);
-}
-
-// Libraries end the process without a word when they get no memory or no thread at the start, so that is tried out before. The
-// stacks and heaps of threads take address space, which `ulimit -v` limits, rather than memory.
-Status try_address_space(const Flags& flags) {
-  const size_t threads = flags.threads > 0 ? flags.threads : static_cast<size_t>(cpu_budget());
-  const size_t bytes = kAddressSpace + threads * kAddressSpaceOfThread;
-  void* const space = ::mmap(nullptr, bytes, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
-  if (space == MAP_FAILED)
-    return fail(ErrorCode::kResourceExhausted, "",
-                "out of memory: the process may not use " + std::to_string(bytes >> 20) + " MiB of address space");
-  ::munmap(space, bytes);
-  return {};
-}
-
-EglOptions egl_options(const Flags& flags) {
-  return {.device_index = flags.egl_device, .require_gpu = flags.require_gpu};
 }
 
 // A quarter of all places is left for other clients.
@@ -136,22 +106,12 @@ GateLimits gate_limits(const Flags& flags) {
   return limits;
 }
 
-CredentialFiles credential_files(const Flags& flags) {
-  return {.access = flags.access_file, .tls = {flags.tls_cert, flags.tls_key, flags.tls_client_ca}};
-}
-
 ListenOptions listen_options(const Flags& flags, unsigned threads, const Credentials& credentials, const Log& log) {
-  ListenOptions options;
-  options.tcp = flags.listen == "none" ? "" : flags.listen;
-  options.unix_path = flags.listen_unix;
-  options.unix_mode = flags.unix_mode;
+  ListenOptions options = listen_addresses(flags, credentials);
   options.max_message_bytes = flags.max_message_mib << 20;
   options.max_health_watches = flags.max_health_watches;
   options.max_reflection_calls = flags.max_reflection_calls;
   options.gate = gate_limits(flags);
-  options.tls = credentials.tls();
-  options.callers_are_known = !flags.access_file.empty() || !flags.tls_client_ca.empty();
-  options.allow_insecure_network = flags.allow_insecure_network;
   options.on_refused = [&log](const std::string& client, std::string_view reason) {
     log.warn("connection refused", {{"client", client}, {"reason", std::string(reason)}});
   };
@@ -270,9 +230,15 @@ void give_memory_back() {
   if (::mallinfo2().fordblks >= kWorthTrimming) ::malloc_trim(0);
 }
 
+void warn_of_exposed(const Credentials& credentials, const Log& log) {
+  for (const std::string& exposed : credentials.exposed()) log.warn("credentials exposed", {{"file", exposed}, {"advice", kExposedAdvice}});
+}
+
 // Takes over the credentials that have changed, and ends the sessions of those who may no longer speak.
 void read_credentials_again(Credentials& credentials, StreamRegistry& streams, const Log& log) {
-  for (const Credentials::Change& change : credentials.reload()) {
+  const auto changes = credentials.reload(steady_clock::now());
+  if (!changes.empty()) warn_of_exposed(credentials, log);
+  for (const Credentials::Change& change : changes) {
     if (change.trouble)
       log.error("credentials refused", {{"what", change.what}, {"reason", to_string(*change.trouble)}, {"advice", "the former ones stay in use"}});
     else
@@ -290,22 +256,30 @@ void without_ending(const Log& log, const std::function<void()>& work) try {
   log.error("not read again", {{"reason", "out of memory"}});
 }
 
-// Returns when the daemon is to stop. SIGHUP calls `read_again`; the others do nothing. `tidy_up` is called every kTidyPeriod.
-void wait_for_stop_signal(const Log& log, const std::function<void()>& tidy_up, const std::function<void()>& read_again) {
+timespec timespec_of(std::chrono::nanoseconds time) {
+  const auto whole = std::chrono::floor<std::chrono::seconds>(time);
+  return {whole.count(), (time - whole).count()};
+}
+
+// Returns when the daemon is to stop. SIGHUP calls `read_again`; the others do nothing. `tidy_up` is called after the pause that one of the two last
+// asked for, however many signals come in between.
+void wait_for_stop_signal(const Log& log, const std::function<milliseconds()>& tidy_up, const std::function<milliseconds()>& read_again) {
   const sigset_t signals = awaited_signals();
-  const timespec pause{std::chrono::seconds(kTidyPeriod).count(), 0};
+  steady_clock::time_point due = steady_clock::now() + kTidyPeriod;
   for (;;) {
-    const int signal = sigtimedwait(&signals, nullptr, &pause);
-    if (signal < 0) {
-      tidy_up();
+    const auto left = due - steady_clock::now();
+    if (left <= left.zero()) {
+      due = steady_clock::now() + tidy_up();
       continue;
     }
-    const std::string name = std::string("SIG") + sigabbrev_np(signal);
-    if (stops(signal)) return log.info("stopping", {{"signal", name}});
-    if (signal == SIGHUP)
-      read_again();
+    const timespec wait = timespec_of(left);
+    const int signal = sigtimedwait(&signals, nullptr, &wait);
+    if (signal < 0) continue;
+    if (stops(signal)) return log.info("stopping", {{"signal", signal_name(signal)}});
+    if (use_of(signal) == SignalUse::kReadsAgain)
+      due = steady_clock::now() + read_again();
     else
-      log.info("signal ignored", {{"signal", name}});
+      log.info("signal ignored", {{"signal", signal_name(signal)}});
   }
 }
 
@@ -322,8 +296,8 @@ void read_configuration_again(const Log& log, const std::function<Command()>& pa
 // Waits for kDrainPoll. True: another stop signal came, which ends the wait for the sessions.
 bool signalled_again() {
   const sigset_t signals = awaited_signals();
-  const timespec wait{0, std::chrono::nanoseconds(kDrainPoll).count()};
-  return stops(sigtimedwait(&signals, nullptr, &wait));
+  const timespec wait = timespec_of(kDrainPoll);
+  return hurries(sigtimedwait(&signals, nullptr, &wait));
 }
 
 // How often the watchdog looks.
@@ -391,25 +365,15 @@ int failed_to_start(const Log& log, const Error& error, const std::string& advic
 }
 
 int serve(const Flags& flags, const Log& log, const std::function<Command()>& parse_again) {
-  if (const Status space = try_address_space(flags); !space)
-    return failed_to_start(log, space.error(), "raise `ulimit -v`, or lower --threads");
-  const auto credentials = Credentials::load(credential_files(flags));
-  if (!credentials) return failed_to_start(log, credentials.error(), "deploy/SECURITY.md describes the files");
-  const auto chosen = choose_sampler_device(
-      flags.sampler, egl_options(flags), 1, std::chrono::nanoseconds(std::llround(flags.max_maps_ms * 1e6)));
-  if (!chosen)
-    return failed_to_start(log, chosen.error(), "see `sightlined devices`; --sampler embree needs no OpenGL");
-  std::unique_ptr<SamplerDevice> faulty;
-  if (flags.fault.kind != FaultKind::kNone) {
-    auto made = make_faulty_device(*chosen->device, flags.fault);
-    if (!made) return failed_to_start(log, made.error(), "this flag is for tests and drills only");
-    faulty = std::move(*made);
-    log.warn("faults are injected", {{"flag", "--inject-fault"}});
-  }
-  SamplerDevice& sampler = faulty ? *faulty : *chosen->device;
+  const auto prepared = prepare(flags);
+  if (!prepared) return failed_to_start(log, prepared.error().error, prepared.error().advice);
+  Credentials& credentials = *prepared->credentials;
+  warn_of_exposed(credentials, log);
+  if (prepared->faulty) log.warn("faults are injected", {{"flag", "--inject-fault"}});
+  SamplerDevice& sampler = prepared->sampler();
   log.info("sampler",
-           {{"kind", sampler.kind()}, {"renderer", sampler.renderer()}, {"reason", chosen->reason}});
-  const auto* const egl = dynamic_cast<const EglSamplerDevice*>(chosen->device.get());
+           {{"kind", sampler.kind()}, {"renderer", sampler.renderer()}, {"reason", prepared->chosen.reason}});
+  const auto* const egl = dynamic_cast<const EglSamplerDevice*>(prepared->chosen.device.get());
   const auto context_losses = [egl] { return egl ? egl->context_rebuilds() : uint64_t{0}; };
 
   std::optional<Recording> recording;
@@ -437,13 +401,13 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   FairShares shares(scheduler.threads() * budget.largest_share);
   StepStats stats;
   const ServiceParts parts{scenes, geometry, extents, sampler, scheduler, loaders, streams, shares, stats, log,
-                           monotonic_ns, start_name(), chosen->reason, budget, recorded, session_limits, &instance_memory, credentials->get()};
+                           monotonic_ns, start_name(), prepared->chosen.reason, budget, recorded, session_limits, &instance_memory, &credentials};
   if (const Status well = compute_first_step(parts); !well)
     return failed_to_start(log, well.error(), "no step can be computed on this device; try another --sampler");
   DaemonState state;
   CameraControlService service(parts, service_limits(flags));
   service.tell_ready_by([&state] { return state.ready(); });
-  const auto listener = Listener::start(listen_options(flags, scheduler.threads(), **credentials, log), service);
+  const auto listener = Listener::start(listen_options(flags, scheduler.threads(), credentials, log), service);
   if (!listener)
     return failed_to_start(log, listener.error(), "choose another address, or stop what uses it");
 
@@ -464,23 +428,26 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
     log.error("cannot write", {{"file", flags.ready_file}});
   log.info("ready", {{"version", kVersion},
                      {"listen", joined((*listener)->addresses(), " ")},
-                     {"tls", credentials->get()->tls() ? "yes" : "no"},
+                     {"tls", credentials.tls() ? "yes" : "no"},
                      {"sampler", sampler.kind()},
                      {"threads", std::to_string(scheduler.threads())},
                      {"metrics", operators ? metrics_address(flags, *operators) : "none"},
                      {"recordings", recording ? flags.record_dir : "none"}});
-  const auto look_at_credentials = [&] { read_credentials_again(**credentials, streams, log); };
+  const auto look_at_credentials = [&]() -> milliseconds {
+    without_ending(log, [&] { read_credentials_again(credentials, streams, log); });
+    return credentials.settling() ? kSettlePoll : milliseconds(kTidyPeriod);
+  };
   uint64_t losses_told = 0;
   const auto tidy_up = [&] {
     sampler.forget_unused();
-    give_memory_back();
-    without_ending(log, look_at_credentials);
+    if (!credentials.settling()) give_memory_back();  // otherwise the pause was short
     if (const uint64_t losses = context_losses(); losses > std::exchange(losses_told, losses))
       log.warn("graphics context lost and built again", {{"since_the_start", std::to_string(losses)}});
+    return look_at_credentials();
   };
   wait_for_stop_signal(log, tidy_up, [&] {
     without_ending(log, [&] { read_configuration_again(log, parse_again); });
-    without_ending(log, look_at_credentials);
+    return look_at_credentials();
   });
   ready.remove();
   drain(state, **listener, streams, flags.drain_s, log);
@@ -532,7 +499,10 @@ int main(int argc, char** argv) {
   if (const auto* report = std::get_if<ReportDevices>(&command)) return report_devices(report->flags.sampler, egl_options(report->flags), report->json);
   if (const auto* check = std::get_if<CheckHealth>(&command))
     return check_health(health_address(*check), check->alive ? "liveness" : "readiness", std::cout, std::cerr);
+  if (const auto* check = std::get_if<CheckConfig>(&command)) return check_configuration(check->flags);
   const Flags& flags = std::get<Serve>(command).flags;
+  say_last_words(flags.log_format, flags.log_level);
+  be_told_before_cpu_limit(flags.drain_s + 1.0);
   const Log log(flags.log_format, flags.log_level);
   return serve_or_explain(flags, log, [=] { return parse_command_line(argc, argv); });
 }

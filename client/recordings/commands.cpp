@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <csignal>
 #include <filesystem>
 #include <iostream>
@@ -51,10 +52,15 @@ auto write_new_file(const std::string& path, const std::string& file, ProgressBa
   return done;
 }
 
-Result<RecordingSummary> summary_of(const std::string& path, ProgressBar& bar) {
+// Why there is no copy: an error of the file that is read, or of the one that is written.
+std::string copy_error(const std::string& file, const std::string& copy, const Error& error) {
+  return error_text(error.field == copy ? copy : file, error);
+}
+
+Result<RecordingSummary> summary_of(const std::string& path, McapLimits limits, ProgressBar& bar) {
   auto source = open_watched(path, bar, "reading");
   if (!source) return tl::unexpected(std::move(source.error()));
-  auto summary = summarise_recording(std::move(*source), path);
+  auto summary = summarise_recording(std::move(*source), path, limits);
   bar.clear();
   return summary;
 }
@@ -123,11 +129,15 @@ void print_cut(std::ostream& out, const std::string& cut, const RecordingCut& do
     out << formatted("lead        %.3f s before the range, so that a replay has the camera's state to the bit\n", done.lead_s);
 }
 
-// Reads the copy as any other file.
-Status check_copy(const std::string& path, ProgressBar& bar) {
+// Reads the copy as any other file, as far as the source was read.
+Status check_copy(const RecoverOptions& options, ProgressBar& bar) {
+  const std::string& path = options.out;
+  std::error_code unknown;
+  McapLimits limits = options.read.limits();
+  limits.max_unpacked_bytes = limits.unpacked_within(std::filesystem::file_size(options.file, unknown));
   const auto source = open_watched(path, bar, "verifying");
   if (!source) return tl::unexpected(source.error());
-  const auto verdict = verify_mcap(**source, {});
+  const auto verdict = verify_mcap(**source, limits);
   if (!verdict) return tl::unexpected(verdict.error());
   if (verdict->sound()) return {};
   return fail(ErrorCode::kInternal, path, "the copy is not sound");
@@ -141,6 +151,9 @@ Verb add_verb(CLI::App& app, const char* name, const char* help,
   options->progress = isatty(STDERR_FILENO) != 0;
   CLI::App* command = app.add_subcommand(name, help);
   flags(*command, *options);
+  command->add_option("--max-unpacked-gib", options->read.max_unpacked_gib,
+                      "Most that the chunks of a file may unpack to, in GiB. Default: 512 times the file's size, and 0.25 GiB")
+      ->check(CLI::PositiveNumber);
   return {command, [options, run] { return run(*options, std::cout, std::cerr); }};
 }
 
@@ -166,12 +179,19 @@ Result<std::shared_ptr<const ByteSource>> open_watched(const std::string& path, 
   return std::make_shared<WatchedSource>(std::shared_ptr<const ByteSource>(std::move(*source)), bar, what);
 }
 
+McapLimits ReadLimit::limits() const {
+  McapLimits limits;
+  // Beyond what a number of bytes holds, there is no limit.
+  if (max_unpacked_gib > 0) limits.max_unpacked_bytes = static_cast<uint64_t>(std::min(max_unpacked_gib, 1e9) * (uint64_t{1} << 30));
+  return limits;
+}
+
 int run_info_command(const InfoOptions& options, std::ostream& out, std::ostream& err) {
   ProgressBar bar(err, options.progress);
   int status = 0;
   bool first = true;
   for (const std::string& path : options.files) {
-    const auto summary = summary_of(path, bar);
+    const auto summary = summary_of(path, options.read.limits(), bar);
     if (!summary) {
       bar.clear();
       err << error_text(path, summary.error()) << '\n';
@@ -191,13 +211,13 @@ int run_info_command(const InfoOptions& options, std::ostream& out, std::ostream
 int run_recover_command(const RecoverOptions& options, std::ostream& out, std::ostream& err) {
   ProgressBar bar(err, options.progress);
   const auto done = write_new_file(options.out, options.file, bar, "recovering",
-                                   [](const auto& source, ByteSink& sink) -> Result<McapRecovery> {
-                                     return recover_mcap(*source, sink, {}, {}, note_of);
+                                   [&](const auto& source, ByteSink& sink) -> Result<McapRecovery> {
+                                     return recover_mcap(*source, sink, options.read.limits(), {}, note_of);
                                    });
-  const Status sound = done ? check_copy(options.out, bar) : Status{};
+  const Status sound = done ? check_copy(options, bar) : Status{};
   bar.clear();
   if (!done || !sound) {
-    err << (done ? error_text(options.out, sound.error()) : error_text(options.file, done.error())) << '\n';
+    err << (done ? error_text(options.out, sound.error()) : copy_error(options.file, options.out, done.error())) << '\n';
     return 1;
   }
   if (options.json)
@@ -216,13 +236,13 @@ int run_cut_command(const CutOptions& options, std::ostream& out, std::ostream& 
   const auto done = write_new_file(
       options.out, options.file, bar, "cutting",
       [&](const std::shared_ptr<const ByteSource>& source, ByteSink& sink) -> Result<RecordingCut> {
-        const auto recording = Recording::open(source, options.file);
+        const auto recording = Recording::open(source, options.file, options.read.limits());
         if (!recording) return tl::unexpected(recording.error());
         return cut_recording(*recording, {options.start_s, options.end_s}, sink);
       });
   bar.clear();
   if (!done) {
-    err << error_text(options.file, done.error()) << '\n';
+    err << copy_error(options.file, options.out, done.error()) << '\n';
     return 1;
   }
   if (options.json)

@@ -14,12 +14,21 @@
 #include "client/base/progress_bar.h"
 #include "client/base/verb.h"
 #include "server/record/byte_io.h"
+#include "server/record/mcap_loss.h"
 
 namespace sightline {
+
+// How far the chunks of a file may unpack.
+struct ReadLimit {
+  double max_unpacked_gib = 0.0;  // 0: as McapLimits has it by the size of the file
+
+  McapLimits limits() const;
+};
 
 // Lists what recordings contain. A file that cannot be read does not keep the others from being listed.
 struct InfoOptions {
   std::vector<std::string> files = {};
+  ReadLimit read = {};
   bool json = false;  // one JSON object a line for each file
   bool progress = false;
 };
@@ -28,6 +37,7 @@ int run_info_command(const InfoOptions& options, std::ostream& out, std::ostream
 // Checks whether recordings are whole and consistent. 0: every file is sound, or was recovered and states its losses.
 struct VerifyOptions {
   std::vector<std::string> files = {};
+  ReadLimit read = {};
   bool json = false;  // one JSON object a line for each file
   bool progress = false;
 };
@@ -37,6 +47,7 @@ int run_verify_command(const VerifyOptions& options, std::ostream& out, std::ost
 // the copy holds the rest.
 struct RecoverOptions {
   std::string file = {};
+  ReadLimit read = {};
   std::string out = {};  // a new file
   bool json = false;     // one JSON object
   bool progress = false;
@@ -48,6 +59,7 @@ int run_recover_command(const RecoverOptions& options, std::ostream& out, std::o
 // when the reader of `out` has closed it.
 struct DumpOptions {
   std::string file = {};
+  ReadLimit read = {};
   std::vector<std::string> topics = {};  // empty: all
   // Seconds of log time since the first message of the file: start <= t < end.
   double start_s = 0.0;
@@ -61,6 +73,7 @@ int run_dump_command(const DumpOptions& options, std::ostream& out, std::ostream
 // Copies a part of a recording into a recording of its own. Exit status 2: the range is empty.
 struct CutOptions {
   std::string file = {};
+  ReadLimit read = {};
   std::string out = {};  // a new file
   // Seconds of log time since the first message of the file, as client/recordings/cut.h takes them.
   double start_s = 0.0;

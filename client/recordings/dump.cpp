@@ -9,6 +9,8 @@
 #include <google/protobuf/util/type_resolver_util.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -178,6 +180,7 @@ struct Dumped {
   uint64_t lines = 0, undecodable = 0;
   std::string first_error;
   McapLoss loss;
+  int write_errno = 0;  // why the output ended early; 0: it did not
 };
 
 class Dumper {
@@ -192,6 +195,7 @@ class Dumper {
       ++done_.undecodable;
       if (done_.first_error.empty()) done_.first_error = to_string(text.error());
     }
+    errno = 0;
     out_ << "{\"topic\":" << quoted(m.channel.topic) << ",\"sequence\":" << m.message.sequence
          << ",\"log_time_ns\":" << m.message.log_time_ns
          << ",\"publish_time_ns\":" << m.message.publish_time_ns;
@@ -200,6 +204,7 @@ class Dumper {
     else
       out_ << ",\"error\":" << quoted(to_string(text.error())) << "}\n";
     ++done_.lines;
+    if (!out_.good()) done_.write_errno = errno != 0 ? errno : EPIPE;
     return out_.good() && done_.lines < limit_;
   }
   Dumped take_done() { return std::move(done_); }
@@ -214,7 +219,7 @@ class Dumper {
 Result<Dumped> dump(const DumpOptions& options, std::ostream& out, ProgressBar& bar) {
   const auto source = open_watched(options.file, bar, "dumping");
   if (!source) return tl::unexpected(source.error());
-  const auto reader = McapReader::open(**source, {});
+  const auto reader = McapReader::open(**source, options.read.limits());
   if (!reader) return tl::unexpected(reader.error());
   if (Status ok = check_topics(reader->info(), options.topics); !ok) return tl::unexpected(ok.error());
   const uint64_t start_ns = reader->info().statistics.start_time_ns;
@@ -244,14 +249,27 @@ int tell(const std::string& file, const Result<Dumped>& done, std::ostream& err)
   return lost || done->undecodable > 0 ? 1 : 0;
 }
 
+// Writes the rest. Returns why `out` cannot be written, by its errno; 0: it can.
+int end_of(std::ostream& out, const Result<Dumped>& done) {
+  if (done && done->write_errno != 0) return done->write_errno;
+  errno = 0;
+  out.flush();
+  if (out.good()) return 0;
+  return errno != 0 ? errno : EPIPE;
+}
+
 }  // namespace
 
 int run_dump_command(const DumpOptions& options, std::ostream& out, std::ostream& err) {
   if (options.out.empty()) {
     ProgressBar none(err, false);
     const auto done = dump(options, out, none);
-    out.flush();
-    if (!out.good()) return 0;  // the reader closed the pipe
+    const int trouble = end_of(out, done);
+    if (trouble == EPIPE) return 0;  // the reader has enough
+    if (trouble != 0) {
+      err << "the standard output cannot be written: " << std::strerror(trouble) << '\n';
+      return 1;
+    }
     return tell(options.file, done, err);
   }
   if (std::filesystem::exists(options.out)) {
@@ -259,12 +277,18 @@ int run_dump_command(const DumpOptions& options, std::ostream& out, std::ostream
     return 1;
   }
   std::ofstream file(options.out, std::ios::binary);
+  if (!file.is_open()) {
+    err << options.out << ": cannot be made: " << std::strerror(errno) << '\n';
+    return 1;
+  }
   ProgressBar bar(err, options.progress);
   const auto done = dump(options, file, bar);
   bar.clear();
-  file.flush();
-  if (!file.good()) {
-    err << options.out << ": cannot be written\n";
+  if (const int trouble = end_of(file, done); trouble != 0) {
+    err << options.out << ": cannot be written: " << std::strerror(trouble) << '\n';
+    file.close();
+    std::error_code ignored;
+    std::filesystem::remove(options.out, ignored);
     return 1;
   }
   return tell(options.file, done, err);

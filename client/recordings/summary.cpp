@@ -188,12 +188,11 @@ nlohmann::ordered_json session_json(const RecordingSummary& s) {
 
 }  // namespace
 
-Result<RecordingSummary> summarise_recording(std::shared_ptr<const ByteSource> source,
-                                             const std::string& name) {
+Result<RecordingSummary> summarise_recording(std::shared_ptr<const ByteSource> source, const std::string& name, McapLimits limits) {
   RecordingSummary summary;
   summary.name = name;
   summary.bytes = source->size();
-  const auto recording = Recording::open(source, name);
+  const auto recording = Recording::open(source, name, limits);
   if (recording) {
     take_container(recording->reader(), summary);
     take_session(*recording, summary);
@@ -201,7 +200,7 @@ Result<RecordingSummary> summarise_recording(std::shared_ptr<const ByteSource> s
     return summary;
   }
   if (recording.error().code != ErrorCode::kInvalidArgument) return tl::unexpected(recording.error());
-  const auto reader = McapReader::open(*source, {});
+  const auto reader = McapReader::open(*source, limits);
   if (!reader) return tl::unexpected(reader.error());
   take_container(*reader, summary);
   summary.not_a_session =

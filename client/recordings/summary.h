@@ -51,8 +51,7 @@ struct RecordingSummary {
 };
 
 // Fails as Recording::open does, but also accepts MCAP files that are no recordings.
-Result<RecordingSummary> summarise_recording(std::shared_ptr<const ByteSource> source,
-                                             const std::string& name);
+Result<RecordingSummary> summarise_recording(std::shared_ptr<const ByteSource> source, const std::string& name, McapLimits limits = {});
 
 void print_summary(std::ostream& out, const RecordingSummary& summary);
 nlohmann::ordered_json json_of(const RecordingSummary& summary);

@@ -20,14 +20,14 @@ struct FileVerdict {
   bool sound() const { return container.sound() && (!session || session->sound() || recovered); }
 };
 
-Result<FileVerdict> verdict_of(const std::string& path, ProgressBar& bar) {
+Result<FileVerdict> verdict_of(const std::string& path, McapLimits limits, ProgressBar& bar) {
   auto source = open_watched(path, bar, "verifying");
   if (!source) return tl::unexpected(std::move(source.error()));
-  auto container = verify_mcap(**source, {});
+  auto container = verify_mcap(**source, limits);
   if (!container) return tl::unexpected(std::move(container.error()));
   FileVerdict verdict;
   verdict.container = std::move(*container);
-  const auto recording = Recording::open(*source, path);
+  const auto recording = Recording::open(*source, path, limits);
   if (recording) {
     verdict.session = check_session(*recording);
     for (const mcap::MetadataIndex& metadata : recording->container().metadata)
@@ -130,7 +130,7 @@ int run_verify_command(const VerifyOptions& options, std::ostream& out, std::ost
   int status = 0;
   bool first = true;
   for (const std::string& path : options.files) {
-    const auto verdict = verdict_of(path, bar);
+    const auto verdict = verdict_of(path, options.read.limits(), bar);
     if (!verdict) {
       bar.clear();
       err << error_text(path, verdict.error()) << '\n';

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <charconv>
-#include <span>
 #include <sstream>
 #include <utility>
 
@@ -48,13 +47,6 @@ std::optional<std::string> user_id(const std::string& name) {
   return std::to_string(user->pw_uid);
 }
 
-// The role of a name, or of everyone.
-std::optional<Role> role_in(const std::map<std::string, Role>& roles, const std::string& name) {
-  for (const std::string& key : {name, std::string("*")})
-    if (const auto found = roles.find(key); found != roles.end()) return found->second;
-  return std::nullopt;
-}
-
 // A `#` within a word belongs to it.
 std::string_view without_comment(std::string_view line) {
   for (size_t at = line.find('#'); at != std::string_view::npos; at = line.find('#', at + 1))
@@ -66,6 +58,11 @@ std::string_view without_comment(std::string_view line) {
 Error with_line(Error error, int number) {
   error.message.insert(0, "line " + std::to_string(number) + ": ");
   return error;
+}
+
+// The end of a message about what is there twice.
+std::string first_in(int line) {
+  return "; it is already in line " + std::to_string(line);
 }
 
 }  // namespace
@@ -83,13 +80,13 @@ Result<AccessList> AccessList::parse(std::string_view text) {
   std::istringstream lines{std::string(text)};
   std::string line;
   for (int number = 1; std::getline(lines, line); ++number) {
-    if (Status ok = list.read_line(without_comment(line)); !ok)
+    if (Status ok = list.read_line(without_comment(line), number); !ok)
       return tl::unexpected(with_line(std::move(ok.error()), number));
   }
   return list;
 }
 
-Status AccessList::read_line(std::string_view line) {
+Status AccessList::read_line(std::string_view line, int number) {
   std::istringstream words{std::string(line)};
   std::string kind, name, role_name, secret, more;
   words >> kind >> name >> role_name >> secret >> more;
@@ -100,17 +97,17 @@ Status AccessList::read_line(std::string_view line) {
   if (!printable(name)) return invalid(kField, "the name may have printable ASCII characters only");
   const bool words_fit = kind == kToken ? !secret.empty() && more.empty() : secret.empty();
   if (!words_fit) return invalid(kField, kind == kToken ? "a token needs a name, a role and one secret" : "nothing may follow the role");
-  if (kind == kToken) return add_token(name, *role, secret);
+  if (kind == kToken) return add_token(name, *role, secret, number);
   auto key = kind == kUser ? user_id(name) : std::optional(name);
   if (!key) return invalid(kField, "this machine has no user \"" + name + "\"");
-  const bool added = (kind == kUser ? users_ : certificates_).emplace(std::move(*key), *role).second;
-  return added ? Status{} : invalid(kField, "the name is there twice");
+  const auto [found, added] = (kind == kUser ? users_ : certificates_).emplace(std::move(*key), Named{*role, number});
+  return added ? Status{} : invalid(kField, "the name is there twice" + first_in(found->second.line));
 }
 
-Status AccessList::add_token(const std::string& name, Role role, const std::string& secret) {
-  const bool known = std::any_of(tokens_.begin(), tokens_.end(), [&](const Token& token) { return token.name == name; });
-  if (known) return invalid(kField, "the name is there twice");
-  Token token{name, role, {}};
+Status AccessList::add_token(const std::string& name, Role role, const std::string& secret, int number) {
+  for (const Token& known : tokens_)
+    if (known.name == name) return invalid(kField, "the name is there twice" + first_in(known.line));
+  Token token{name, role, {}, number};
   if (std::string_view(secret).starts_with(kDigestMark)) {
     const std::string_view hex = std::string_view(secret).substr(kDigestMark.size());
     if (hex.size() != 2 * token.digest.size()) return invalid(kField, "sha256: needs 64 hexadecimal digits");
@@ -124,9 +121,20 @@ Status AccessList::add_token(const std::string& name, Role role, const std::stri
     const auto digest = digest_of(secret);
     if (!digest) return fail(ErrorCode::kInternal, kField, "OpenSSL computes no SHA-256");
     token.digest = *digest;
+    tells_secrets_ = true;
   }
+  // Whose call it is, and with which role, could not be said.
+  for (const Token& known : tokens_)
+    if (known.digest == token.digest) return invalid(kField, "the secret is there twice" + first_in(known.line) + ", for \"" + known.name + '"');
   tokens_.push_back(std::move(token));
   return {};
+}
+
+// The role of a name, or of everyone.
+std::optional<Role> AccessList::role_in(const NamedRoles& roles, const std::string& name) {
+  for (const std::string& key : {name, std::string("*")})
+    if (const auto found = roles.find(key); found != roles.end()) return found->second.role;
+  return std::nullopt;
 }
 
 std::optional<AccessList::Digest> AccessList::digest_of(std::string_view secret) {
@@ -174,24 +182,34 @@ std::optional<Role> AccessList::role_of(std::string_view caller) const {
 Result<std::unique_ptr<Access>> Access::load(const std::string& path) {
   auto access = std::make_unique<Access>();
   access->path_ = path;
-  const auto loaded = access->reload();
-  if (!loaded) return tl::unexpected(loaded.error());
+  access->file_ = SettledFiles({{path, kField}});
+  const auto texts = access->file_.read();
+  if (!texts) return tl::unexpected(texts.error());
+  if (Status ok = access->take(texts->front()); !ok) return tl::unexpected(std::move(ok.error()));
   return access;
 }
 
-Result<bool> Access::reload() {
+Result<bool> Access::reload(SettledFiles::Time now) {
   if (path_.empty()) return false;
-  const auto text = read_small_file(path_, kField);
-  const std::string& seen = text ? *text : text.error().message;
-  const ContentHash hash = hash_bytes(std::as_bytes(std::span(seen)));
-  if (tried_ == hash) return false;
-  tried_ = hash;
-  if (!text) return tl::unexpected(text.error());
-  auto list = AccessList::parse(*text);
+  const auto texts = file_.look(now);
+  if (!texts) return false;
+  if (!*texts) return tl::unexpected(texts->error());
+  if (Status ok = take((*texts)->front()); !ok) return tl::unexpected(std::move(ok.error()));
+  return true;
+}
+
+Status Access::take(const std::string& text) {
+  auto list = AccessList::parse(text);
   if (!list) return tl::unexpected(std::move(list.error()));
+  if (list->empty()) return invalid(kField, path_ + ": must name at least one token, certificate or user");
   const std::lock_guard lock(mutex_);
   list_ = std::make_shared<const AccessList>(std::move(*list));
-  return true;
+  return {};
+}
+
+std::string Access::exposed() const {
+  const auto known = list();
+  return known ? exposed_by_mode(path_, known->tells_secrets()) : "";
 }
 
 std::shared_ptr<const AccessList> Access::list() const {

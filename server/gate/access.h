@@ -8,7 +8,7 @@
 //   user        1000              admin                         a numeric id or a name on the unix socket; * is every user
 //
 // `control` opens sessions and uploads scenes, `observe` reads the server's counters, `admin` does both and also opens
-// scenes that others uploaded. Each of them may read the server's information and list scenes.
+// scenes that others uploaded. Each of them may read the server's information and list scenes. No name and no secret is there twice.
 #pragma once
 
 #include <array>
@@ -23,7 +23,7 @@
 #include <vector>
 
 #include "server/base/error.h"
-#include "server/base/hash.h"
+#include "server/gate/settled_files.h"
 
 namespace sightline {
 
@@ -68,20 +68,33 @@ class AccessList {
   // The role of a caller by its name.
   std::optional<Role> role_of(std::string_view caller) const;
 
+  // Nobody is named.
+  bool empty() const { return tokens_.empty() && certificates_.empty() && users_.empty(); }
+  // A token's secret stands in the file itself, not as its digest.
+  bool tells_secrets() const { return tells_secrets_; }
+
  private:
   using Digest = std::array<unsigned char, 32>;
   struct Token {
     std::string name;
     Role role;
     Digest digest;
+    int line;
   };
+  struct Named {
+    Role role;
+    int line;
+  };
+  using NamedRoles = std::map<std::string, Named>;
 
-  Status read_line(std::string_view line);
-  Status add_token(const std::string& name, Role role, const std::string& secret);
+  Status read_line(std::string_view line, int number);
+  Status add_token(const std::string& name, Role role, const std::string& secret, int number);
+  static std::optional<Role> role_in(const NamedRoles& roles, const std::string& name);
   static std::optional<Digest> digest_of(std::string_view secret);
 
   std::vector<Token> tokens_;
-  std::map<std::string, Role> certificates_, users_;  // users_: by numeric id, or "*"
+  NamedRoles certificates_, users_;  // users_: by numeric id, or "*"
+  bool tells_secrets_ = false;
 };
 
 // Decides for each call. Thread-safe.
@@ -89,11 +102,15 @@ class Access {
  public:
   // Without a file: everyone who may connect controls and observes.
   Access() = default;
-  // Fails as AccessList::parse does.
+  // Fails as AccessList::parse does, and when the file names nobody: that would shut everyone out.
   static Result<std::unique_ptr<Access>> load(const std::string& path);
 
-  // Reads the file again; the result is as of TlsKeys::reload.
-  Result<bool> reload();
+  // Looks at the file again; the result is as of TlsKeys::reload.
+  Result<bool> reload(SettledFiles::Time now);
+  // As SettledFiles::settling.
+  bool settling() const { return file_.settling(); }
+  // What others can do with a file that holds secrets; see exposed_by_mode.
+  std::string exposed() const;
 
   // `token` is what the caller sent; nothing: it sent none. A caller that sends a token is judged by it alone, otherwise by
   // its certificate, otherwise by its user.
@@ -106,9 +123,10 @@ class Access {
  private:
   tl::expected<Caller, Refusal> find(const Peer& peer, std::optional<std::string_view> token) const;
   std::shared_ptr<const AccessList> list() const;
+  Status take(const std::string& text);
 
-  std::string path_;                  // constant after construction; empty: no file
-  std::optional<ContentHash> tried_;  // used by one thread at a time
+  std::string path_;                // constant after construction; empty: no file
+  SettledFiles file_{{}};           // used by one thread at a time
   mutable std::atomic<uint64_t> refused_{0};
   mutable std::mutex mutex_;
   std::shared_ptr<const AccessList> list_;  // guarded by mutex_; null: no file

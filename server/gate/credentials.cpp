@@ -19,7 +19,7 @@ Result<std::unique_ptr<Credentials>> Credentials::load(const CredentialFiles& fi
   return credentials;
 }
 
-std::vector<Credentials::Change> Credentials::reload() {
+std::vector<Credentials::Change> Credentials::reload(SettledFiles::Time now) {
   std::vector<Change> changes;
   const auto note = [&](const char* what, FileCounts& counts, const Result<bool>& changed) {
     if (changed && !*changed) return;
@@ -27,9 +27,16 @@ std::vector<Credentials::Change> Credentials::reload() {
     counts.current = changed.has_value();
     changes.push_back({what, changed ? std::nullopt : std::optional(changed.error())});
   };
-  note("access file", access_file_, access_->reload());
-  if (tls_) note("certificate", certificate_, tls_->reload());
+  note("access file", access_file_, access_->reload(now));
+  if (tls_) note("certificate", certificate_, tls_->reload(now));
   return changes;
+}
+
+std::vector<std::string> Credentials::exposed() const {
+  std::vector<std::string> told;
+  if (tls_) told = tls_->exposed();
+  if (std::string text = access_->exposed(); !text.empty()) told.push_back(std::move(text));
+  return told;
 }
 
 }  // namespace sightline

@@ -19,7 +19,7 @@ struct CredentialFiles {
   TlsFiles tls;        // empty: nothing is encrypted
 };
 
-// Thread-safe, except that `reload` must be called by one thread at a time.
+// Thread-safe, except that `reload` and `settling` must be called by one thread at a time.
 class Credentials {
  public:
   // No files.
@@ -35,8 +35,12 @@ class Credentials {
     std::string what;             // "certificate", "access file"
     std::optional<Error> trouble;  // why it cannot be used; the former contents stay in use
   };
-  // Reads all files again, and takes over those that have changed.
-  std::vector<Change> reload();
+  // Looks at all files again, and takes over those that have changed and settled.
+  std::vector<Change> reload(SettledFiles::Time now);
+  // A change has been seen that has not settled yet: call `reload` again after SettledFiles::kSettle.
+  bool settling() const { return access_->settling() || (tls_ && tls_->settling()); }
+  // What the modes of the files let other users do with them, for a person; empty: nothing that matters.
+  std::vector<std::string> exposed() const;
 
   // Counts of the changes of a file since the start. Those of the certificate include its key and the file of the clients' authorities.
   struct FileCounts {

@@ -36,11 +36,15 @@ int try_to_connect(const sockaddr_un& address) {
   return ::connect(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0 ? 0 : errno;
 }
 
+Error not_a_socket(const std::string& path) {
+  return {ErrorCode::kInvalidArgument, kUnix, path + " exists and is not a socket"};
+}
+
 // Removes a stale socket file.
 Status make_way_for_socket(const std::string& path, const sockaddr_un& address) {
   struct stat info {};
   if (::lstat(path.c_str(), &info) != 0) return {};
-  if (!S_ISSOCK(info.st_mode)) return invalid(kUnix, path + " exists and is not a socket");
+  if (!S_ISSOCK(info.st_mode)) return tl::unexpected(not_a_socket(path));
   if (const int error = try_to_connect(address); error != ECONNREFUSED) {
     const std::string why = error == 0 || error == EAGAIN ? "another process serves it" : std::strerror(error);
     return fail(ErrorCode::kUnavailable, kUnix, path + ": " + why);
@@ -92,8 +96,8 @@ int port_of(const sockaddr_storage& address) {
   return ntohs(reinterpret_cast<const sockaddr_in&>(address).sin_port);
 }
 
-bool is_loopback(const sockaddr_storage& address) {
-  if (address.ss_family == AF_INET) return (ntohl(reinterpret_cast<const sockaddr_in&>(address).sin_addr.s_addr) >> 24) == IN_LOOPBACKNET;
+bool is_loopback(const sockaddr& address) {
+  if (address.sa_family == AF_INET) return (ntohl(reinterpret_cast<const sockaddr_in&>(address).sin_addr.s_addr) >> 24) == IN_LOOPBACKNET;
   const in6_addr& six = reinterpret_cast<const sockaddr_in6&>(address).sin6_addr;
   if (IN6_IS_ADDR_V4MAPPED(&six)) return six.s6_addr[12] == IN_LOOPBACKNET;
   return IN6_IS_ADDR_LOOPBACK(&six);
@@ -113,6 +117,21 @@ FileDescriptor::~FileDescriptor() {
   if (fd_ >= 0) ::close(fd_);
 }
 
+Result<bool> ListeningSocket::stays_on_host(const std::string& address, const std::string& flag) {
+  const size_t colon = address.rfind(':');
+  if (colon == std::string::npos) return invalid(flag, "must be HOST:PORT, got " + address);
+  const AddressList found = resolve(address.substr(0, colon), address.substr(colon + 1));
+  if (!found) return fail(ErrorCode::kUnavailable, flag, "cannot listen at " + address + ": this machine knows no such host");
+  return is_loopback(*found->ai_addr);
+}
+
+Status ListeningSocket::check_unix_path(const std::string& path) {
+  if (const auto address = socket_address(path); !address) return tl::unexpected(address.error());
+  struct stat info {};
+  const bool taken = ::lstat(path.c_str(), &info) == 0 && !S_ISSOCK(info.st_mode);
+  return taken ? tl::unexpected(not_a_socket(path)) : Status{};
+}
+
 Result<ListeningSocket> ListeningSocket::tcp(const std::string& address) {
   const size_t colon = address.rfind(':');
   if (colon == std::string::npos) return invalid(kTcp, "must be HOST:PORT, got " + address);
@@ -127,7 +146,7 @@ Result<ListeningSocket> ListeningSocket::tcp(const std::string& address) {
     }
     const sockaddr_storage bound = address_of(socket.fd());
     socket.port_ = port_of(bound);
-    socket.stays_on_host_ = is_loopback(bound);
+    socket.stays_on_host_ = is_loopback(reinterpret_cast<const sockaddr&>(bound));
     socket.address_ = address.substr(0, colon + 1) + std::to_string(socket.port_);
     return socket;
   }

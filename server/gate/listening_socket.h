@@ -40,6 +40,10 @@ class ListeningSocket {
   // with kUnavailable or kInvalidArgument, field "--listen-unix".
   static Result<ListeningSocket> unix_file(const std::string& path, unsigned mode);
 
+  // What can be known of an address without taking it. `stays_on_host`: as below; it fails when the host is not known, with field `flag`.
+  static Result<bool> stays_on_host(const std::string& address, const std::string& flag);
+  static Status check_unix_path(const std::string& path);
+
   ListeningSocket(ListeningSocket&&) noexcept = default;
   ListeningSocket& operator=(ListeningSocket&&) noexcept = default;
   // Removes the socket file, unless another process has put its own there since.

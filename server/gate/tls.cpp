@@ -44,18 +44,31 @@ int no_password(char*, int, int, void*) {
   return 0;
 }
 
-// All certificates of the file, in its order.
-std::vector<Certificate> read_certificates(const std::string& text) {
+// The last line that is not empty begins like the mark of a block, but does not end one: the file is cut off within its mark.
+bool ends_within_mark(const std::string& text) {
+  const size_t end = text.find_last_not_of(" \t\r\n");
+  if (end == std::string::npos) return false;
+  const size_t before = text.rfind('\n', end), start = before == std::string::npos ? 0 : before + 1;
+  const std::string_view line = std::string_view(text).substr(start, end + 1 - start);
+  return line.starts_with('-') && !(line.starts_with("-----END ") && line.ends_with("-----"));
+}
+
+// All certificates of the file, in its order. Fails when one of them is cut off or cannot be read.
+Result<std::vector<Certificate>> read_certificates(const std::string& text, const char* flag) {
   std::vector<Certificate> found;
   const Bio bio = text_bio(text);
   while (X509* next = PEM_read_bio_X509(bio.get(), nullptr, &no_password, nullptr)) found.emplace_back(next, &X509_free);
-  ERR_clear_error();
+  const bool at_end = ERR_GET_REASON(ERR_peek_last_error()) == PEM_R_NO_START_LINE && !ends_within_mark(text);
+  const std::string reason = openssl_reason();
+  if (found.empty() && at_end) return invalid(flag, "the file holds no certificate in PEM format");
+  if (!at_end) return invalid(flag, "certificate " + std::to_string(found.size() + 1) + " of the file is cut off or damaged: " + reason);
   return found;
 }
 
 Status use_certificate(SSL_CTX* context, const std::string& text) {
-  const std::vector<Certificate> chain = read_certificates(text);
-  if (chain.empty()) return invalid(kCertificate, "the file holds no certificate in PEM format");
+  const auto read = read_certificates(text, kCertificate);
+  if (!read) return tl::unexpected(read.error());
+  const std::vector<Certificate>& chain = *read;
   if (SSL_CTX_use_certificate(context, chain.front().get()) != 1) return invalid(kCertificate, openssl_reason());
   for (size_t i = 1; i < chain.size(); ++i)
     if (SSL_CTX_add1_chain_cert(context, chain[i].get()) != 1) return invalid(kCertificate, openssl_reason());
@@ -75,9 +88,9 @@ Status use_key(SSL_CTX* context, const std::string& text) {
 }
 
 Status use_client_ca(SSL_CTX* context, const std::string& text) {
-  const std::vector<Certificate> roots = read_certificates(text);
-  if (roots.empty()) return invalid(kClientCa, "the file holds no certificate in PEM format");
-  for (const Certificate& root : roots) {
+  const auto roots = read_certificates(text, kClientCa);
+  if (!roots) return tl::unexpected(roots.error());
+  for (const Certificate& root : *roots) {
     if (X509_STORE_add_cert(SSL_CTX_get_cert_store(context), root.get()) != 1 || SSL_CTX_add_client_CA(context, root.get()) != 1)
       return invalid(kClientCa, openssl_reason());
   }
@@ -227,37 +240,40 @@ std::string TlsStream::certificate_name() const {
 // --- the files
 // -----------------------------------------------------------------------------------------------------------
 
+TlsKeys::TlsKeys(TlsFiles files)
+    : files_(std::move(files)), settled_({{files_.certificate, kCertificate}, {files_.key, kKey}, {files_.client_ca, kClientCa}}) {}
+
 Result<std::unique_ptr<TlsKeys>> TlsKeys::load(TlsFiles files) {
   std::unique_ptr<TlsKeys> keys(new TlsKeys(std::move(files)));
-  const auto loaded = keys->reload();
-  if (!loaded) return tl::unexpected(loaded.error());
+  const auto texts = keys->settled_.read();
+  if (!texts) return tl::unexpected(texts.error());
+  if (Status ok = keys->take(*texts); !ok) return tl::unexpected(std::move(ok.error()));
   return keys;
 }
 
-Result<TlsKeys::Contents> TlsKeys::read() const {
-  auto certificate = read_small_file(files_.certificate, kCertificate);
-  if (!certificate) return tl::unexpected(std::move(certificate.error()));
-  auto key = read_small_file(files_.key, kKey);
-  if (!key) return tl::unexpected(std::move(key.error()));
-  if (files_.client_ca.empty()) return Contents{std::move(*certificate), std::move(*key), {}};
-  auto client_ca = read_small_file(files_.client_ca, kClientCa);
-  if (!client_ca) return tl::unexpected(std::move(client_ca.error()));
-  return Contents{std::move(*certificate), std::move(*key), std::move(*client_ca)};
+Result<bool> TlsKeys::reload(SettledFiles::Time now) {
+  const auto texts = settled_.look(now);
+  if (!texts) return false;
+  if (!*texts) return tl::unexpected(texts->error());
+  if (Status ok = take(**texts); !ok) return tl::unexpected(std::move(ok.error()));
+  return true;
 }
 
-Result<bool> TlsKeys::reload() {
-  const auto contents = read();
-  const std::string all = contents ? contents->certificate + '\0' + contents->key + '\0' + contents->client_ca : to_string(contents.error());
-  const ContentHash hash = hash_bytes(std::as_bytes(std::span(all)));
-  if (tried_ == hash) return false;
-  tried_ = hash;
-  if (!contents) return tl::unexpected(contents.error());
-  auto made = make(*contents);
+Status TlsKeys::take(const SettledFiles::Texts& texts) {
+  const Contents contents{texts[0], texts[1], texts[2]};
+  auto made = make(contents);
   if (!made) return tl::unexpected(std::move(made.error()));
-  if (!files_.client_ca.empty() && contents->client_ca.empty()) return invalid(kClientCa, "the file is empty");
+  if (!files_.client_ca.empty() && contents.client_ca.empty()) return invalid(kClientCa, "the file is empty");
   const std::lock_guard lock(mutex_);
   context_ = std::move(*made);
-  return true;
+  return {};
+}
+
+std::vector<std::string> TlsKeys::exposed() const {
+  std::vector<std::string> told;
+  for (const auto& [path, secret] : {std::pair(&files_.certificate, false), std::pair(&files_.key, true), std::pair(&files_.client_ca, false)})
+    if (std::string text = exposed_by_mode(*path, secret); !text.empty()) told.push_back(std::move(text));
+  return told;
 }
 
 Result<TlsKeys::Context> TlsKeys::make(const Contents& contents) {

@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "server/base/error.h"
-#include "server/base/hash.h"
+#include "server/gate/settled_files.h"
 
 struct bio_st;
 struct ssl_ctx_st;
@@ -79,9 +79,12 @@ class TlsKeys {
   // Fails with kInvalidArgument, field "--tls-cert", "--tls-key" or "--tls-client-ca".
   static Result<std::unique_ptr<TlsKeys>> load(TlsFiles files);
 
-  // Reads the files again. True: they have changed, and new connections use them. False: nothing has changed since the last
-  // call. When they cannot be used, the result is an error as of `load`, once for each change, and the former ones stay in use.
-  Result<bool> reload();
+  // Looks at the files again. True: they have changed and settled (SettledFiles), and new connections use them. False: there is nothing new.
+  // When they cannot be used, the result is an error as of `load`, once for each change, and the former ones stay in use.
+  Result<bool> reload(SettledFiles::Time now);
+  bool settling() const { return settled_.settling(); }
+  // What others can do with the files; see exposed_by_mode.
+  std::vector<std::string> exposed() const;
   // For a new connection. Null when memory has run out.
   std::unique_ptr<TlsStream> accept() const;
   // When the certificate for new connections stops being valid, in seconds since 1970.
@@ -95,12 +98,12 @@ class TlsKeys {
   };
   using Context = std::shared_ptr<ssl_ctx_st>;
 
-  explicit TlsKeys(TlsFiles files) : files_(std::move(files)) {}
-  Result<Contents> read() const;
+  explicit TlsKeys(TlsFiles files);
+  Status take(const SettledFiles::Texts& texts);
   static Result<Context> make(const Contents& contents);
 
   const TlsFiles files_;
-  std::optional<ContentHash> tried_;  // used by one thread at a time
+  SettledFiles settled_;  // certificate, key, client_ca; used by one thread at a time
   mutable std::mutex mutex_;
   Context context_;  // guarded by mutex_
 };

@@ -11,13 +11,9 @@ namespace sightline {
 namespace {
 
 Error system_error(const std::string& doing, const std::string& path, int number) {
-  ErrorCode code = ErrorCode::kUnavailable;
-  if (number == ENOENT) code = ErrorCode::kNotFound;
-  if (number == EEXIST) code = ErrorCode::kAlreadyExists;
-  if (number == ENOSPC || number == EDQUOT || number == EFBIG) code = ErrorCode::kResourceExhausted;
   std::string message = "cannot " + doing + ": ";
   message.append(std::strerror(number));
-  return Error{code, path, std::move(message)};
+  return Error{code_of_system_error(number), path, std::move(message)};
 }
 
 class FileSink final : public ByteSink {
@@ -74,6 +70,21 @@ class FileSource final : public ByteSource {
 };
 
 }  // namespace
+
+ErrorCode code_of_system_error(int number) {
+  switch (number) {
+    case ENOENT:
+      return ErrorCode::kNotFound;
+    case EEXIST:
+      return ErrorCode::kAlreadyExists;
+    case ENOSPC:
+    case EDQUOT:
+    case EFBIG:
+      return ErrorCode::kResourceExhausted;
+    default:
+      return ErrorCode::kUnavailable;
+  }
+}
 
 Status MemorySource::read_at(uint64_t offset, char* out, size_t count) const {
   if (offset > bytes_.size() || count > bytes_.size() - offset)

@@ -51,6 +51,9 @@ class MemorySource final : public ByteSource {
   std::string_view bytes_;
 };
 
+// kNotFound, kAlreadyExists, kResourceExhausted when the device is full or the file as large as it may be, otherwise kUnavailable.
+ErrorCode code_of_system_error(int number);
+
 // A new file; an existing one is refused (kAlreadyExists). Every write goes to the system at once: written bytes survive a
 // kill of the process, but not a power cut.
 Result<std::unique_ptr<ByteSink>> create_file_sink(const std::string& path);

@@ -36,7 +36,13 @@ void ChunkUnpacker::Free::operator()(LZ4F_dctx_s* context) const {
   LZ4F_freeDecompressionContext(context);
 }
 
-ChunkUnpacker::ChunkUnpacker(uint64_t max_bytes) : max_bytes_(max_bytes), context_(ZSTD_createDCtx()) {}
+Error unpacks_too_far(uint64_t max_total_bytes) {
+  return {ErrorCode::kResourceExhausted, "", "its chunks unpack to more than " + std::to_string(max_total_bytes) +
+                                                 " bytes, the limit for a file of this size: no recorded session does"};
+}
+
+ChunkUnpacker::ChunkUnpacker(uint64_t max_bytes, uint64_t max_total_bytes)
+    : max_bytes_(max_bytes), max_total_bytes_(max_total_bytes), left_(max_total_bytes), context_(ZSTD_createDCtx()) {}
 
 ChunkUnpacker::~ChunkUnpacker() = default;
 
@@ -45,6 +51,12 @@ Result<std::string_view> ChunkUnpacker::unpack(const mcap::Chunk& chunk) {
     return fail(
         ErrorCode::kResourceExhausted, "chunk.uncompressed_size",
         "must be at most " + std::to_string(max_bytes_) + ", got " + std::to_string(chunk.uncompressed_size));
+  // What is not packed takes its own bytes of the file.
+  if (!chunk.compression.empty()) {
+    exhausted_ = exhausted_ || chunk.uncompressed_size > left_;
+    if (exhausted_) return tl::unexpected(unpacks_too_far(max_total_bytes_));
+    left_ -= chunk.uncompressed_size;
+  }
   Result<std::string_view> raw = chunk.records;
   if (chunk.compression == "zstd")
     raw = unpack_zstd(chunk);

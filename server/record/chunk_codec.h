@@ -36,17 +36,22 @@ class ChunkPacker {
   std::string packed_;
 };
 
+// What a reader says of a file whose chunks unpack to more than it may.
+Error unpacks_too_far(uint64_t max_total_bytes);
+
 // Not thread-safe.
 class ChunkUnpacker {
  public:
-  // No chunk may declare more than `max_bytes` of records.
-  explicit ChunkUnpacker(uint64_t max_bytes);
+  // No chunk may declare more than `max_bytes` of records, and all together no more than `max_total_bytes`.
+  ChunkUnpacker(uint64_t max_bytes, uint64_t max_total_bytes);
   ~ChunkUnpacker();
 
   // The chunk's records, valid until the next call. Allocates at most max_bytes, and writes no more than the chunk
   // declares, however far the packed bytes would expand. Fails with kResourceExhausted over the limit, kUnsupported for a
   // compression that this build does not have, kDataLoss for wrong sizes, unreadable bytes or a wrong CRC.
   Result<std::string_view> unpack(const mcap::Chunk& chunk);
+  // A chunk was refused for the sake of `max_total_bytes`: every later one is too.
+  bool exhausted() const { return exhausted_; }
 
  private:
   Result<std::string_view> unpack_zstd(const mcap::Chunk& chunk);
@@ -56,7 +61,9 @@ class ChunkUnpacker {
     void operator()(ZSTD_DCtx_s* context) const;
     void operator()(LZ4F_dctx_s* context) const;
   };
-  const uint64_t max_bytes_;
+  const uint64_t max_bytes_, max_total_bytes_;
+  uint64_t left_;  // of max_total_bytes_
+  bool exhausted_ = false;
   std::unique_ptr<ZSTD_DCtx_s, Free> context_;
   std::unique_ptr<LZ4F_dctx_s, Free> lz4_context_;  // made for the first chunk that needs it
   std::string raw_;

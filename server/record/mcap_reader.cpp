@@ -174,7 +174,7 @@ Result<McapReader> McapReader::open(const ByteSource& source, McapLimits limits)
   const Result<bool> taken = reader.take_summary();
   if (taken && *taken) return reader;
   if (!taken) reader.info_.loss.note(source.size(), taken.error());
-  reader.go_through();
+  if (Status ok = reader.go_through(); !ok) return tl::unexpected(std::move(ok.error()));
   return reader;
 }
 
@@ -261,7 +261,7 @@ Status McapReader::check_summary(const McapInfo& summary) const {
   const auto inside = [&](uint64_t offset, uint64_t length) {
     return offset >= mcap::kMagic.size() && offset <= source_->size() && length <= source_->size() - offset;
   };
-  uint64_t declared = 0;
+  uint64_t declared = 0, left = limits_.unpacked_within(source_->size());
   for (const mcap::ChunkIndex& chunk : summary.chunks) {
     const uint64_t behind = chunk.chunk_start + chunk.chunk_length;
     if (!inside(chunk.chunk_start, chunk.chunk_length) || !inside(behind, chunk.message_index_length) ||
@@ -271,6 +271,10 @@ Status McapReader::check_summary(const McapInfo& summary) const {
     declared += chunk.chunk_length + chunk.message_index_length;
     if (declared > source_->size())
       return tl::unexpected(broken("chunk_index", "the chunks are larger than the file"));
+    // The chunks themselves say whether that is so.
+    if (!chunk.compression.empty() && chunk.uncompressed_size > left)
+      return tl::unexpected(broken("chunk_index", "the chunks unpack to more than the limit for a file of this size"));
+    left -= chunk.compression.empty() ? 0 : chunk.uncompressed_size;
   }
   for (const mcap::AttachmentIndex& index : summary.attachments)
     if (!inside(index.offset, index.length))
@@ -296,7 +300,7 @@ void McapReader::learn_from_summary(uint64_t start, uint64_t& room) {
     if (!learn(record, info_, room)) info_.loss.note(start, broken("summary", kUnfit));
 }
 
-void McapReader::go_through() {
+Status McapReader::go_through() {
   McapScanner scanner(*source_, limits_, false);
   ScannedRecord record;
   mcap::Statistics& counted = info_.statistics;
@@ -341,6 +345,7 @@ void McapReader::go_through() {
       take({record.opcode, record.content}, record.offset, unproven);
     }
   }
+  if (scanner.exhausted()) return tl::unexpected(unpacks_too_far(limits_.unpacked_within(source_->size())));
   if (scanner.finished()) learn_from_summary(scanner.data_end() + mcap::kDataEndBytes, room);
   info_.schemas.merge(unproven.schemas);
   info_.channels.merge(unproven.channels);
@@ -359,6 +364,7 @@ void McapReader::go_through() {
   McapLoss loss = scanner.loss();
   for (McapTrouble& trouble : info_.loss.first_troubles) loss.note(trouble.offset, std::move(trouble.error));
   info_.loss = std::move(loss);
+  return {};
 }
 
 bool McapReader::wanted(const mcap::ChunkIndex& chunk, const McapQuery& query) const {
@@ -396,7 +402,7 @@ McapReadReport McapReader::read(const McapQuery& query, const Visit& visit) cons
 }
 
 void McapReader::read_chunks(const McapQuery& query, const Visit& visit, McapReadReport& report) const {
-  ChunkUnpacker unpacker(limits_.max_chunk_bytes);
+  ChunkUnpacker unpacker(limits_.max_chunk_bytes, limits_.unpacked_within(source_->size()));
   Filter filter(info_, limits_.max_definition_bytes, query, visit, report);
   std::string bytes;
   for (const mcap::ChunkIndex& index : info_.chunks) {
@@ -411,6 +417,7 @@ void McapReader::read_chunks(const McapQuery& query, const Visit& visit, McapRea
       report.loss.messages += messages_by_index(index);
       report.loss.bytes += index.chunk_length;
       report.loss.note(index.chunk_start, records.error());
+      if (unpacker.exhausted()) return;
       continue;
     }
     ++report.chunks_read;

@@ -68,7 +68,7 @@ struct McapReadReport {
 class McapReader {
  public:
   // `source` must outlive the reader. Fails with kDataLoss when the bytes do not begin as MCAP does, and when reading
-  // fails.
+  // fails; with kResourceExhausted when the chunks unpack to more than the limits allow.
   static Result<McapReader> open(const ByteSource& source, McapLimits limits);
 
   const McapInfo& info() const { return info_; }
@@ -98,7 +98,7 @@ class McapReader {
   Result<bool> read_summary(McapInfo& out) const;
   Status check_summary(const McapInfo& summary) const;
   Status read_header(McapInfo& out) const;
-  void go_through();
+  Status go_through();
   void learn_from_summary(uint64_t start, uint64_t& room);
   void read_chunks(const McapQuery& query, const std::function<bool(const McapMessage&)>& visit,
                    McapReadReport& report) const;

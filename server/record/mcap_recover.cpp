@@ -2,6 +2,7 @@
 
 #include <optional>
 
+#include "server/record/chunk_codec.h"
 #include "server/record/mcap_reader.h"
 #include "server/record/mcap_scanner.h"
 
@@ -187,6 +188,7 @@ Result<McapRecovery> recover_mcap(const ByteSource& source, ByteSink& sink, Mcap
     while (mcap::take_record(record.records, part))
       if (Status ok = copy.take(part, record.offset); !ok) return tl::unexpected(ok.error());
   }
+  if (scanner.exhausted()) return tl::unexpected(unpacks_too_far(limits.unpacked_within(source.size())));
   if (copy.empty()) return fail(ErrorCode::kDataLoss, "", "holds no sound record of MCAP");
   McapLoss loss = scanner.loss();
   for (McapTrouble& trouble : done.loss.first_troubles) loss.note(trouble.offset, std::move(trouble.error));

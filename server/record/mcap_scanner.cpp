@@ -32,7 +32,7 @@ McapScanner::McapScanner(const ByteSource& source, McapLimits limits, bool with_
     : source_(source),
       limits_(limits),
       with_attachments_(with_attachments),
-      unpacker_(limits.max_chunk_bytes),
+      unpacker_(limits.max_chunk_bytes, limits.unpacked_within(source.size())),
       search_budget_(4 * source.size() + kWindowBytes) {
   std::string magic;
   if (read(0, mcap::kMagic.size(), magic) && magic == mcap::kMagic) {
@@ -51,10 +51,11 @@ Status McapScanner::read(uint64_t offset, uint64_t count, std::string& out) {
 }
 
 bool McapScanner::next(ScannedRecord& out) {
-  while (!ended_) {
+  while (!ended_ && !exhausted()) {
     const uint64_t offset = position_;
     const Found found = look_at(offset, out);
     if (found == Found::kBroken) {
+      if (exhausted()) return false;
       pass_damage(offset);
       continue;
     }
@@ -73,7 +74,7 @@ McapScanner::Found McapScanner::look_at(uint64_t offset, ScannedRecord& out) {
     return Found::kEnd;
   }
   if (!plausible_head(offset)) {
-    loss_.note(offset, broken("no record begins here"));
+    loss_.note(offset, broken(cut_off_at(offset) ? "the file ends within this record: it was not finished" : "no record begins here"));
     return Found::kBroken;
   }
   char head[mcap::kRecordHeadBytes];
@@ -94,6 +95,15 @@ bool McapScanner::plausible_head(uint64_t offset) const {
   if (!source_.read_at(offset, head, sizeof head)) return false;
   return known_opcode(static_cast<uint8_t>(head[0])) &&
          read_u64(head + 1) <= source_.size() - offset - mcap::kRecordHeadBytes;
+}
+
+// The head of a record is there, or a part of it, and the file ends before the record does. A record of a plausible size, that is.
+bool McapScanner::cut_off_at(uint64_t offset) const {
+  char head[mcap::kRecordHeadBytes] = {};
+  const uint64_t there = source_.size() - offset;
+  if (!source_.read_at(offset, head, std::min<uint64_t>(there, sizeof head)) || !known_opcode(static_cast<uint8_t>(head[0]))) return false;
+  const uint64_t most = std::max(limits_.max_record_bytes, limits_.max_attachment_bytes);
+  return there < sizeof head || (read_u64(head + 1) <= most && read_u64(head + 1) > there - sizeof head);
 }
 
 McapScanner::Found McapScanner::load(ScannedRecord& out) {

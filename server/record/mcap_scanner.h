@@ -44,6 +44,8 @@ class McapScanner {
   const McapLoss& loss() const { return loss_; }
   // The end of the data section was reached, so that nothing is missing behind what was read.
   bool finished() const { return finished_; }
+  // It ended because the chunks unpack to more than the limits allow.
+  bool exhausted() const { return unpacker_.exhausted(); }
   // Where the record stands that ends the data; 0 before it was reached.
   uint64_t data_end() const { return data_end_; }
 
@@ -56,6 +58,7 @@ class McapScanner {
   Found load_attachment(ScannedRecord& out);
   void count_lost_messages(const ScannedRecord& index);
   bool plausible_head(uint64_t offset) const;
+  bool cut_off_at(uint64_t offset) const;
   std::optional<uint64_t> find_next(uint64_t from);
   bool sound_at(uint64_t offset, mcap::Opcode opcode, uint64_t content_length);
   bool chunk_head_fits(uint64_t offset, uint64_t content_length) const;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "server/record/chunk_codec.h"
 #include "server/record/mcap_reader.h"
 #include "server/record/mcap_scanner.h"
 
@@ -41,6 +42,15 @@ struct TopicWatch {
     last_time_ns = message.log_time_ns;
   }
 };
+
+// Where a message stands within the records of its chunk.
+struct Place {
+  uint64_t offset = 0;
+  uint16_t channel_id = 0;
+  uint64_t log_time_ns = 0;
+  bool operator==(const Place&) const = default;
+};
+using Places = std::vector<Place>;  // by offset
 
 class Verifier {
  public:
@@ -99,7 +109,7 @@ class Verifier {
     uint64_t least_ns = 0, greatest_ns = 0, messages = 0;
     mcap::RecordView part;
     std::string_view rest = record.records;
-    std::map<uint64_t, std::pair<uint16_t, uint64_t>> places;  // offset -> channel, log time
+    Places places;
     while (true) {
       const uint64_t place = record.records.size() - rest.size();
       if (!mcap::take_record(rest, part)) break;
@@ -107,7 +117,7 @@ class Verifier {
       if (part.opcode != Opcode::kMessage) continue;
       take_message(part.content, record.offset);
       if (!mcap::decode(part.content, message)) continue;
-      places.emplace(place, std::pair(message.channel_id, message.log_time_ns));
+      places.push_back({place, message.channel_id, message.log_time_ns});
       least_ns = messages == 0 ? message.log_time_ns : std::min(least_ns, message.log_time_ns);
       greatest_ns = std::max(greatest_ns, message.log_time_ns);
       ++messages;
@@ -119,8 +129,7 @@ class Verifier {
     compare_index(record, places);
   }
 
-  void compare_index(const ScannedRecord& record,
-                     const std::map<uint64_t, std::pair<uint16_t, uint64_t>>& places) {
+  void compare_index(const ScannedRecord& record, const Places& places) {
     if (stated_chunks_.empty()) return;  // the file has no index of its chunks
     const auto stated = stated_chunks_.find(record.offset);
     if (stated == stated_chunks_.end()) {
@@ -137,8 +146,7 @@ class Verifier {
   }
 
   // Every message must occur once, with its offset and time, in the index record of its channel.
-  void compare_message_indexes(const mcap::ChunkIndex& index,
-                               const std::map<uint64_t, std::pair<uint16_t, uint64_t>>& places) {
+  void compare_message_indexes(const mcap::ChunkIndex& index, const Places& places) {
     if (index.message_index_offsets.empty()) return;  // the file has none
     const uint64_t start = index.chunk_start + index.chunk_length;
     std::string bytes(index.message_index_length, '\0');  // within the file: check_summary saw to it
@@ -156,8 +164,8 @@ class Verifier {
       const auto stated = index.message_index_offsets.find(messages.channel_id);
       right = stated != index.message_index_offsets.end() && stated->second == offset;
       for (const auto& [time_ns, place] : messages.records) {
-        const auto found = places.find(place);
-        right = right && found != places.end() && found->second == std::pair(messages.channel_id, time_ns);
+        const auto found = std::lower_bound(places.begin(), places.end(), place, [](const Place& a, uint64_t at) { return a.offset < at; });
+        right = right && found != places.end() && *found == Place{place, messages.channel_id, time_ns};
       }
       named += messages.records.size();
     }
@@ -224,6 +232,7 @@ Result<McapVerdict> verify_mcap(const ByteSource& source, McapLimits limits) {
   McapScanner scanner(source, limits, true);
   ScannedRecord record;
   while (scanner.next(record)) verifier.take(record);
+  if (scanner.exhausted()) return tl::unexpected(unpacks_too_far(limits.unpacked_within(source.size())));
   return verifier.finish(scanner);
 }
 

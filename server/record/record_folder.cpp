@@ -17,7 +17,8 @@ constexpr std::string_view kPrefix = "sightline-", kSuffix = ".mcap";
 constexpr uint64_t kSecondNs = 1'000'000'000;
 
 Error unavailable(const std::string& folder, const std::error_code& code) {
-  return Error{ErrorCode::kUnavailable, folder, code.message()};
+  const bool full = code_of_system_error(code.value()) == ErrorCode::kResourceExhausted;
+  return Error{full ? ErrorCode::kResourceExhausted : ErrorCode::kUnavailable, folder, code.message()};
 }
 
 uint64_t modified_ns(const fs::directory_entry& entry, std::error_code& code) {

@@ -177,7 +177,7 @@ void RecordWriter::write_entry(ActiveSession& active, const RecordEntry& entry) 
   const bool has_file = ensure_file(active, message.log_time_ns);
   if (message.topic == RecordTopic::kOpen) active.open = entry.message;
   if (message.topic == RecordTopic::kOpened) active.opened = entry.message;
-  const Status written = has_file ? active.file->write(message, now_ns_()) : Status{};
+  const Status written = has_file ? write_through(active, message) : Status{};
   // When one message is refused for its size, the file continues.
   if (!written && !active.file->status()) lose_file(active, written.error());
   take_in(active, message, has_file && written);
@@ -197,6 +197,12 @@ void RecordWriter::write_entry(ActiveSession& active, const RecordEntry& entry) 
   if (bytes < limit && !(nearly_full && message.topic == RecordTopic::kMemory)) return;
   write_attachments(active);
   close_file(active);
+}
+
+// The opening goes to the disk at once, so that even a very short session leaves a recording when the process is killed.
+Status RecordWriter::write_through(ActiveSession& active, const RecordMessage& message) {
+  const Status written = active.file->write(message, now_ns_());
+  return written && message.topic == RecordTopic::kOpened ? active.file->end_chunk() : written;
 }
 
 // For the head of the next part, lost or not; and for viewers, when the message is in the file.
@@ -416,8 +422,11 @@ void RecordWriter::lose_file(ActiveSession& active, const Error& error) {
   }
   active.retry_ns = now_ns_() + kHousekeepingNs;
   active.session->failing.store(true, std::memory_order_relaxed);
-  active.gap.set_text(to_string(error));
-  active.gap.set_reason(full ? v1::Gap::REASON_NO_SPACE : v1::Gap::REASON_WRITE_FAILED);
+  // What happens while it lasts, such as files that are closed for want of space, is no reason of its own.
+  if (!active.warned) {
+    active.gap.set_text(to_string(error));
+    active.gap.set_reason(full ? v1::Gap::REASON_NO_SPACE : v1::Gap::REASON_WRITE_FAILED);
+  }
   if (waiting.messages > 0) lose_messages(active, waiting);
   if (!std::exchange(active.warned, true)) {
     std::string text = reason_text(active.gap.reason());

@@ -41,7 +41,8 @@ struct RecordSettings {
   std::string folder = {};
   RecordLimits limits = {};
   size_t queue_bytes = size_t{1} << 20;  // a session; rounded up to a power of two
-  // A kill of the process loses at most this much time and the messages in the queue. Keep both together under a second.
+  // A kill of the process loses at most this much time and the messages in the queue. Keep both together under a second. The opening is written at
+  // once.
   std::chrono::nanoseconds chunk_time{500'000'000};
   uint64_t chunk_bytes = uint64_t{1} << 20;
   int zstd_level = 1;
@@ -170,6 +171,7 @@ class RecordWriter {
   void adopt_new_sessions();
   void serve(ActiveSession& active);
   void write_entry(ActiveSession& active, const RecordEntry& entry);
+  Status write_through(ActiveSession& active, const RecordMessage& message);
   void take_in(ActiveSession& active, const RecordMessage& message, bool written);
   size_t write_for_viewers(ActiveSession& active, RecordTopic topic, uint64_t time_ns,
                            const google::protobuf::MessageLite& made);

@@ -90,6 +90,11 @@ Status SessionFile::put(const RecordMessage& message, uint64_t now_ns) {
 
 Status SessionFile::tend(uint64_t now_ns) {
   if (!chunk_since_ns_ || now_ns < *chunk_since_ns_ + chunk_time_ns_) return writer_.status();
+  return end_chunk();
+}
+
+Status SessionFile::end_chunk() {
+  if (!writer_.has_open_chunk()) return writer_.status();
   const Status done = writer_.end_chunk();
   if (done) chunk_ended();
   return done;

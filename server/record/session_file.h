@@ -46,6 +46,8 @@ class SessionFile {
   Status attach(const mcap::Attachment& attachment);
   // Closes the chunk when its first message has waited for `chunk_time`. Call it at least that often.
   Status tend(uint64_t now_ns);
+  // Closes the chunk now.
+  Status end_chunk();
   Status finish();
 
   // Messages taken but not yet handed to the sink. They are lost when the sink fails.

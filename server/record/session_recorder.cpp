@@ -65,7 +65,7 @@ void SessionRecorder::commit(RecordTopic topic, RecordTimes times, size_t size, 
   newest_ns_ = std::max(times.log_ns, newest_ns_ + 1);
   session_->ring.commit({static_cast<uint32_t>(size), static_cast<uint16_t>(topic), beside,
                          sequences_[static_cast<size_t>(topic)], 0, newest_ns_, times.publish_ns});
-  if (session_->ring.half_full()) session_->waker->wake();
+  if (session_->ring.half_full() || topic == RecordTopic::kOpened) session_->waker->wake();
 }
 
 // A Gap is written before the message that follows the loss. It is only written when there is room for that message

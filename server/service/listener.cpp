@@ -34,11 +34,11 @@ Result<std::vector<ListeningSocket>> listening_sockets(const ListenOptions& opti
 }
 
 // Nobody shall open a daemon to a network without noticing.
-Status check_exposure(const ListeningSocket& socket, const ListenOptions& options) {
+Status check_exposure(const std::string& address, bool stays_on_host, const ListenOptions& options) {
   const bool safe = options.tls && options.callers_are_known;
-  if (safe || options.allow_insecure_network || socket.stays_on_host()) return {};
+  if (safe || options.allow_insecure_network || stays_on_host) return {};
   return fail(ErrorCode::kFailedPrecondition, "--listen",
-              socket.address() + " can be reached from other hosts, so it needs --tls-cert with --tls-client-ca or --access-file; "
+              address + " can be reached from other hosts, so it needs --tls-cert with --tls-client-ca or --access-file; "
                                  "--allow-insecure-network opens it to everyone");
 }
 
@@ -66,13 +66,23 @@ void configure(grpc::ServerBuilder& builder, const ListenOptions& options) {
 
 }  // namespace
 
+Status Listener::check(const ListenOptions& options) {
+  if (options.tcp.empty() && options.unix_path.empty()) return invalid("--listen", "there is no address to listen at: give --listen or --listen-unix");
+  if (!options.tcp.empty()) {
+    const auto stays_on_host = ListeningSocket::stays_on_host(options.tcp, "--listen");
+    if (!stays_on_host) return tl::unexpected(stays_on_host.error());
+    if (Status ok = check_exposure(options.tcp, *stays_on_host, options); !ok) return ok;
+  }
+  return options.unix_path.empty() ? Status{} : ListeningSocket::check_unix_path(options.unix_path);
+}
+
 Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
                                                   CameraControlService& service) {
-  if (options.tcp.empty() && options.unix_path.empty()) return invalid("--listen", "there is no address to listen at: give --listen or --listen-unix");
+  if (Status ok = check(options); !ok) return tl::unexpected(std::move(ok.error()));
   auto sockets = listening_sockets(options);
   if (!sockets) return tl::unexpected(std::move(sockets.error()));
   for (const ListeningSocket& socket : *sockets)
-    if (Status ok = check_exposure(socket, options); !ok) return tl::unexpected(std::move(ok.error()));
+    if (Status ok = check_exposure(socket.address(), socket.stays_on_host(), options); !ok) return tl::unexpected(std::move(ok.error()));
   std::unique_ptr<Listener> listener(new Listener);
   for (const ListeningSocket& socket : *sockets) {
     listener->addresses_.push_back(socket.address());

@@ -42,6 +42,8 @@ struct ListenOptions {
 // left alone. A socket file that no process serves any more is replaced.
 class Listener {
  public:
+  // Whether the options name addresses that can be listened at, and may be. Takes none of them. Fails as `start` does.
+  static Status check(const ListenOptions& options);
   // Starts to serve. `service` must outlive the listener. Fails with kUnavailable or kInvalidArgument (fields "--listen"
   // and "--listen-unix").
   static Result<std::unique_ptr<Listener>> start(const ListenOptions& options, CameraControlService& service);

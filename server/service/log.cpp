@@ -27,18 +27,18 @@ spdlog::level::level_enum to_spdlog(LogLevel level) {
   return spdlog::level::off;
 }
 
+// Everything outside printable ASCII is escaped: a terminal obeys some control characters beyond ASCII, others turn the direction of what
+// follows, and some readers of lines take more than \n for the end of one.
 std::string json_string(std::string_view text) {
-  return nlohmann::json(text).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  return nlohmann::json(text).dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
 }
 
-// Bare where that is unambiguous, otherwise quoted as in JSON. Everything outside ASCII is escaped: a terminal obeys some
-// control characters beyond ASCII, and others turn the direction of what follows.
+// Bare where that is unambiguous, otherwise quoted as in JSON.
 std::string text_value(std::string_view text) {
   const bool bare =
       !text.empty() && text.find_first_of(" \"=\\") == std::string_view::npos &&
       std::all_of(text.begin(), text.end(), [](unsigned char c) { return c > 0x20 && c < 0x7F; });
-  if (bare) return std::string(text);
-  return nlohmann::json(text).dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+  return bare ? std::string(text) : json_string(text);
 }
 
 std::string as_text(std::string_view message, Log::Fields fields) {

@@ -24,8 +24,8 @@ namespace sightline {
 enum class LogFormat { kText, kJson };
 enum class LogLevel { kDebug, kInfo, kWarning, kError, kOff };
 
-// Thread-safe. Values may hold any bytes. Invalid UTF-8 is replaced, and control characters are escaped, so an event is always
-// one line. The text format escapes everything outside ASCII too.
+// Thread-safe. Values may hold any bytes. Invalid UTF-8 is replaced, and everything outside printable ASCII is escaped in both formats, so an
+// event is always one line, and no value can move a cursor or turn the direction of what follows.
 class Log {
  public:
   using Field = std::pair<std::string_view, std::string>;

@@ -10,7 +10,6 @@ import argparse
 import contextlib
 import json
 import os
-import re
 import sys
 import time
 
@@ -22,18 +21,19 @@ parser.add_argument("stubs")
 parser.add_argument("--out", help="file for the figures")
 parser.add_argument("--after", type=float, default=60.0, help="seconds from the attack's end to the last look at the memory")
 parser.add_argument("--seconds", type=float, default=8.0, help="length of an attack")
-parser.add_argument("--only", nargs="+", default=[], metavar="NUMBER", help="numbers of the attacks to run")
+parser.add_argument("--only", nargs="+", default=[], metavar="NUMBER", help="numbers of the attacks to run, such as 30 or 31a")
 options = parser.parse_args()
 attack.Daemon.path = options.sightlined
 sys.path.insert(0, options.stubs)
 
 import attacks  # noqa: E402
+import careless_files  # noqa: E402
 import foreign_frames  # noqa: E402
 from daemon import Daemon, Healthy  # noqa: E402
 
 LIMIT_MS, SLACK = 33.0, 0.10
 attacks.ATTACK_S = options.seconds
-ATTACKS = attacks.ATTACKS + foreign_frames.ATTACKS
+ATTACKS = attacks.ATTACKS + foreign_frames.ATTACKS + careless_files.ATTACKS
 
 
 def measured(one):
@@ -44,8 +44,8 @@ def measured(one):
         if "skip" in more:
             return {"number": one.number, "skipped": more["skip"]}, None
         stack = contextlib.ExitStack()
-        daemon = stack.enter_context(Daemon(*one.flags, *more.get("more", ()), limits=one.limits,
-                                            stderr=more.get("stderr")))
+        where = {"listen": more["listen"]} if "listen" in more else {}
+        daemon = stack.enter_context(Daemon(*one.flags, *more.get("more", ()), limits=one.limits, stderr=more.get("stderr"), **where))
         daemon.recordings, daemon.files = more.get("recordings"), more.get("files")
         address = daemon.ready.read_text().split()[-1 if one.beside_is_another_client else 0]
         Healthy(address, 2).result()
@@ -69,7 +69,7 @@ def finished(figures, daemon, stack):
     figures["passed"] = bool(figures["alive"] and back and not figures["error"] and figures["answered"] == figures["ticks"] and
                              figures["p99_ms"] < LIMIT_MS)
     p99 = figures["p99_ms"] if figures["p99_ms"] is not None else float("inf")
-    print(f"{figures['number']:2} {figures['name'][:44]:44} p99 {p99:7.2f} ms  {figures['answered']} of {figures['ticks']} answered  memory "
+    print(f"{figures['number']:>3} {figures['name'][:44]:44} p99 {p99:7.2f} ms  {figures['answered']} of {figures['ticks']} answered  memory "
           f"{figures['memory_before_mib']:4.0f} MiB, {figures['memory_most_mib']:4.0f} at most, {figures['memory_after_mib']:4.0f} after  "
           f"{'passed' if figures['passed'] else 'FAILED'}  {figures['seen']}  {figures['error']}", flush=True)
     return figures
@@ -83,11 +83,11 @@ def main():
         # The memory of one daemon is looked at while the next one is under attack.
         waiting.append((figures, running)) if running else rows.append(figures)
         if "skipped" in figures:
-            print(f"{one.number:2} {one.name[:44]:44} skipped: {figures['skipped']}", flush=True)
+            print(f"{one.number:>3} {one.name[:44]:44} skipped: {figures['skipped']}", flush=True)
     for figures, (daemon, stack, due) in waiting:
         time.sleep(max(0.0, due - time.monotonic()))
         rows.append(finished(figures, daemon, stack))
-    rows.sort(key=lambda row: [int(part) if part.isdigit() else part for part in re.split(r"(?<=\d)(?=[a-z])", str(row["number"]))])
+    rows.sort(key=lambda row: (int(str(row["number"]).rstrip("abcdefgh")), str(row["number"])))
     if options.out:
         with open(options.out, "w") as file:
             json.dump({"cpus": os.cpu_count(), "seconds": options.seconds, "after_s": options.after, "rows": rows}, file, indent=1)

@@ -3,8 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <fstream>
 
+#include "server/gate/small_file.h"
+#include "tests/gate/settling_clock.h"
 #include "tests/support/temporary_folder.h"
 
 namespace sightline {
@@ -84,7 +87,14 @@ TEST(AccessList, AWrongLineIsNamed) {
   EXPECT_THAT(trouble_of("user 1 control secret"), HasSubstr("nothing may follow"));
   EXPECT_THAT(trouble_of("user no-such-user-here control"), HasSubstr("no user"));
   EXPECT_THAT(trouble_of("user 1 control\nuser 1 observe"), StartsWith("line 2: the name is there twice"));
-  EXPECT_THAT(trouble_of("token a control 0123456789abcdef\ntoken a control 0123456789abcdeg"), HasSubstr("twice"));
+  EXPECT_THAT(trouble_of("token a control 0123456789abcdef\ntoken a control 0123456789abcdeg"), HasSubstr("twice; it is already in line 1"));
+}
+
+TEST(AccessList, OneSecretHasOneName) {
+  const std::string first = "# tokens\ntoken a control 0123456789abcdeX\ntoken b control 1123456789abcdef\n";
+  EXPECT_EQ(trouble_of(first + "token c admin 0123456789abcdeX\n"), "line 4: the secret is there twice; it is already in line 2, for \"a\"");
+  EXPECT_EQ(trouble_of(first + "token c admin sha256:" + kDigestOfAnother + "\n"),
+            "line 4: the secret is there twice; it is already in line 2, for \"a\"");
 }
 
 TEST(Access, WithoutAFileEveryoneControlsAndObserves) {
@@ -138,18 +148,113 @@ TEST(Access, ABrokenFileIsToldOnceAndTheFormerContentsStay) {
   file.write("token a control 0123456789abcdef\n");
   const auto access = Access::load(file.path());
   ASSERT_TRUE(access);
-  EXPECT_EQ((*access)->reload().value(), false) << "nothing has changed";
+  test::SettlingClock clock;
+  const auto reload = [&] { return clock.settle([&](auto now) { return (*access)->reload(now); }); };
+  EXPECT_EQ(reload().value(), false) << "nothing has changed";
   file.write("nonsense\n");
-  EXPECT_FALSE((*access)->reload());
-  EXPECT_EQ((*access)->reload().value(), false) << "it was told already";
+  EXPECT_FALSE(reload());
+  EXPECT_EQ(reload().value(), false) << "it was told already";
   EXPECT_TRUE((*access)->identify(kEncrypted, kSecret, Need::kControl));
   file.write("token b control 1123456789abcdef\ntoken c observe 2123456789abcdef\n");
-  EXPECT_EQ((*access)->reload().value(), true);
+  EXPECT_EQ(reload().value(), true);
   EXPECT_FALSE((*access)->identify(kEncrypted, kSecret, Need::kControl));
   EXPECT_FALSE((*access)->still_controls("token a"));
   EXPECT_TRUE((*access)->still_controls("token b"));
   EXPECT_FALSE((*access)->still_controls("token c")) << "it only observes";
   EXPECT_FALSE((*access)->still_controls("uid 0"));
+}
+
+TEST(Access, AFileThatNamesNobodyIsNotTaken) {
+  const AccessFile file;
+  test::SettlingClock clock;
+  for (const char* nobody : {"", "\n", "# nobody\n\n", " \t"}) {
+    file.write(nobody);
+    EXPECT_THAT(Access::load(file.path()).error().message, HasSubstr("at least one"));
+    file.write("token a control 0123456789abcdef\n");
+    const auto access = Access::load(file.path());
+    ASSERT_TRUE(access);
+    file.write(nobody);
+    EXPECT_FALSE(clock.settle([&](auto now) { return (*access)->reload(now); }));
+    EXPECT_TRUE((*access)->still_controls("token a"));
+  }
+}
+
+// Each state of the file is valid by itself.
+TEST(Access, AFileThatIsBeingRewrittenCountsWhenItHasSettled) {
+  const AccessFile file;
+  const std::string first = "token a control 0123456789abcdef\n", second = "token b control 1123456789abcdef\n";
+  file.write(first + second);
+  const auto access = Access::load(file.path());
+  ASSERT_TRUE(access);
+  SettledFiles::Time now{};
+  const auto after = [&](int ms) {
+    now += std::chrono::milliseconds(ms);
+    return (*access)->reload(now).value();
+  };
+  for (int round = 0; round < 60; ++round) {
+    file.write(first);
+    EXPECT_FALSE(after(0));
+    EXPECT_TRUE((*access)->settling());
+    EXPECT_FALSE(after(900)) << "not for long enough";
+    file.write(first + second + "# " + std::to_string(round) + '\n');
+    EXPECT_FALSE(after(900)) << "it has changed again";
+    EXPECT_TRUE((*access)->still_controls("token b"));
+  }
+  EXPECT_FALSE(after(900));
+  EXPECT_TRUE(after(100));
+  EXPECT_FALSE((*access)->settling());
+  file.write(first);
+  EXPECT_FALSE(after(0));
+  EXPECT_TRUE(after(1000)) << "whoever is taken out goes as soon";
+  EXPECT_FALSE((*access)->still_controls("token b"));
+}
+
+TEST(Access, AFileThatSomebodyHoldsOpenForWritingWaits) {
+  const AccessFile file;
+  file.write("token a control 0123456789abcdef\ntoken b control 1123456789abcdef\n");
+  const auto access = Access::load(file.path());
+  ASSERT_TRUE(access);
+  std::ofstream writer(file.path());
+  writer << "token a control 0123456789abcdef\n" << std::flush;
+  if (!look_at_small_file(file.path(), "").value().being_written) GTEST_SKIP() << "this file system does not tell who writes";
+  SettledFiles::Time now{};
+  EXPECT_FALSE((*access)->reload(now).value());
+  EXPECT_FALSE((*access)->reload(now + std::chrono::seconds(20)).value());
+  EXPECT_TRUE((*access)->still_controls("token b"));
+  EXPECT_TRUE((*access)->reload(now + SettledFiles::kPatience).value()) << "but not for ever";
+}
+
+TEST(Access, AFileThatIsReplacedOrGoneForAMomentIsNotTold) {
+  const AccessFile file;
+  file.write("token a control 0123456789abcdef\n");
+  const auto access = Access::load(file.path());
+  ASSERT_TRUE(access);
+  SettledFiles::Time now{};
+  std::filesystem::remove(file.path());
+  EXPECT_FALSE((*access)->reload(now).value());
+  file.write("token a control 0123456789abcdef\n");
+  EXPECT_FALSE((*access)->reload(now + SettledFiles::kSettle).value()) << "it is as it was";
+  EXPECT_FALSE((*access)->settling());
+  std::filesystem::remove(file.path());
+  EXPECT_FALSE((*access)->reload(now).value());
+  EXPECT_THAT((*access)->reload(now + SettledFiles::kSettle).error().message, HasSubstr("No such file"));
+}
+
+TEST(Access, OthersMayNotReadItsSecretsNorWriteIt) {
+  namespace fs = std::filesystem;
+  const AccessFile file;
+  const auto exposed = [&](const std::string& text, unsigned mode) {
+    file.write(text);
+    fs::permissions(file.path(), fs::perms(mode));
+    return Access::load(file.path()).value()->exposed();
+  };
+  const std::string secret = "token a control 0123456789abcdef\n", digest = "token a control sha256:" + std::string(kDigestOfAnother) + "\n";
+  EXPECT_EQ(exposed(secret, 0600), "");
+  EXPECT_EQ(exposed(secret, 0640), "");
+  EXPECT_THAT(exposed(secret, 0644), HasSubstr("others can read it (mode 0644)"));
+  EXPECT_THAT(exposed(secret, 0666), HasSubstr("others can read and write it (mode 0666)"));
+  EXPECT_EQ(exposed(digest, 0644), "") << "it tells no secret";
+  EXPECT_THAT(exposed(digest, 0602), HasSubstr("others can write it (mode 0602)"));
 }
 
 TEST(Access, AFileThatCannotBeReadIsAnError) {
@@ -159,8 +264,11 @@ TEST(Access, AFileThatCannotBeReadIsAnError) {
   EXPECT_THAT(Access::load(file.path()).error().message, HasSubstr("1 MiB"));
   file.write(std::string((1 << 20) + 1, '#'));
   EXPECT_FALSE(Access::load(file.path()));
-  file.write(std::string(1 << 20, '#'));
+  const std::string someone = "token a control 0123456789abcdef\n";
+  file.write(someone + std::string((1 << 20) - someone.size(), '#'));
   EXPECT_TRUE(Access::load(file.path())) << "it is no larger";
+  EXPECT_THAT(Access::load("/dev/zero").error().message, HasSubstr("regular file"));
+  EXPECT_THAT(Access::load("/").error().message, HasSubstr("regular file"));
 }
 
 }  // namespace

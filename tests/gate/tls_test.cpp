@@ -5,12 +5,14 @@
 #include <gtest/gtest.h>
 
 #include <ctime>
+#include <filesystem>
 #include <fstream>
 
 #include "server/gate/credentials.h"
 #include "tests/gate/certificates.h"
 #include "tests/gate/frames.h"
 #include "tests/gate/gate_world.h"
+#include "tests/gate/settling_clock.h"
 #include "tests/support/temporary_folder.h"
 
 namespace sightline {
@@ -242,19 +244,55 @@ TEST(TlsKeys, FilesThatCannotBeUsedAreNamed) {
   EXPECT_THAT(trouble_with(folder.files()), HasSubstr("--tls-cert the certificate has expired"));
 }
 
+// A copy that is cut off anywhere within a certificate may still have whole ones before it.
+TEST(TlsKeys, AFileThatIsCutOffWithinACertificateIsNotTaken) {
+  const TlsFolder folder;
+  const SignedPair server = folder.authority.sign("chained");
+  folder.use(server);
+  const std::string chain = server.certificate + folder.authority.certificate();
+  for (size_t size = 0; size + 1 < chain.size(); ++size) {
+    if (size + 1 == server.certificate.size() || size == server.certificate.size()) continue;  // the first one, whole
+    folder.write("certificate", chain.substr(0, size));
+    EXPECT_NE(trouble_with(folder.files()), "none") << size;
+    folder.write("certificate", chain);
+    folder.write("authority", chain.substr(0, size));
+    EXPECT_NE(trouble_with(folder.files(true)), "none") << size;
+  }
+  folder.write("certificate", "a comment\n" + chain + "\nanother\n\n");
+  EXPECT_EQ(trouble_with(folder.files()), "none");
+  folder.write("certificate", chain + server.key);
+  EXPECT_EQ(trouble_with(folder.files()), "none") << "the key may stand there too";
+}
+
+TEST(TlsKeys, OthersMayNotReadTheKeyNorWriteAnyFile) {
+  namespace fs = std::filesystem;
+  const TlsFolder folder;
+  const auto exposed = [&] { return load(folder.files())->exposed(); };
+  fs::permissions(folder.path("certificate"), fs::perms(0644));
+  fs::permissions(folder.path("key"), fs::perms(0640));
+  EXPECT_TRUE(exposed().empty());
+  fs::permissions(folder.path("key"), fs::perms(0644));
+  ASSERT_EQ(exposed().size(), 1u);
+  EXPECT_THAT(exposed()[0], HasSubstr("key: others can read it (mode 0644)"));
+  fs::permissions(folder.path("certificate"), fs::perms(0666));
+  EXPECT_EQ(exposed().size(), 2u);
+}
+
 TEST(TlsKeys, NewFilesAreTakenOverAndBrokenOnesAreToldOnce) {
   const TlsFolder folder;
   const auto keys = load(folder.files());
   const auto in_s = [&] { return static_cast<double>(keys->expires_s() - std::time(nullptr)); };
   EXPECT_NEAR(in_s(), 3600, 60);
-  EXPECT_EQ(keys->reload().value(), false);
+  test::SettlingClock clock;
+  const auto reload = [&] { return clock.settle([&](auto now) { return keys->reload(now); }); };
+  EXPECT_EQ(reload().value(), false);
   const SignedPair next = folder.authority.sign("next", "", 7200);
   folder.write("certificate", next.certificate);  // the key is still the former one
-  EXPECT_FALSE(keys->reload());
-  EXPECT_EQ(keys->reload().value(), false) << "it was told already";
+  EXPECT_FALSE(reload());
+  EXPECT_EQ(reload().value(), false) << "it was told already";
   EXPECT_NEAR(in_s(), 3600, 60) << "the former one stays in use";
   folder.use(next);
-  EXPECT_EQ(keys->reload().value(), true);
+  EXPECT_EQ(reload().value(), true);
   EXPECT_NEAR(in_s(), 7200, 60);
 }
 
@@ -268,10 +306,13 @@ TEST(Credentials, AreThoseOfTheirFilesAndCountTheChanges) {
   EXPECT_TRUE(known("0123456789abcdef"));
   EXPECT_FALSE(known("another----------"));
   EXPECT_NE((*credentials)->tls(), nullptr);
-  EXPECT_TRUE((*credentials)->reload().empty());
+  test::SettlingClock clock;
+  const auto reload = [&] { return clock.settle([&](auto now) { return (*credentials)->reload(now); }); };
+  EXPECT_TRUE(reload().empty());
+  EXPECT_FALSE((*credentials)->settling());
   folder.write("access", "nonsense\n");
   folder.use(folder.authority.sign("next"));
-  const auto changes = (*credentials)->reload();
+  const auto changes = reload();
   ASSERT_EQ(changes.size(), 2u);
   EXPECT_EQ(changes[0].what, "access file");
   EXPECT_TRUE(changes[0].trouble);
@@ -288,7 +329,7 @@ TEST(Credentials, WithoutFilesEveryoneMaySpeakUnencrypted) {
   ASSERT_TRUE(credentials);
   EXPECT_EQ((*credentials)->tls(), nullptr);
   EXPECT_TRUE((*credentials)->access().identify({"10.0.0.1", std::nullopt, {}, false}, std::nullopt, Need::kControl));
-  EXPECT_TRUE((*credentials)->reload().empty());
+  EXPECT_TRUE((*credentials)->reload({}).empty());
 }
 
 }  // namespace

@@ -283,7 +283,7 @@ TEST(McapHostile, BombsAreRefusedByWhatTheyDeclareAndByWhatTheyAre) {
   const std::string bomb = zstd_of(std::string(100 << 20, '\0'));
   ASSERT_LT(bomb.size(), 20'000u);
   for (const uint64_t declared : {uint64_t{100} << 20, uint64_t{1000}, ~uint64_t{0}, uint64_t{0}}) {
-    ChunkUnpacker unpacker(limits.max_chunk_bytes);
+    ChunkUnpacker unpacker(limits.max_chunk_bytes, ~uint64_t{0});
     const Result<std::string_view> raw = unpacker.unpack({0, 0, declared, 0, "zstd", bomb});
     ASSERT_FALSE(raw) << declared;
     EXPECT_EQ(raw.error().code,
@@ -295,8 +295,63 @@ TEST(McapHostile, BombsAreRefusedByWhatTheyDeclareAndByWhatTheyAre) {
   }
 }
 
+// A file of `count` chunks that unpack to `each` bytes of nothing, finished when asked for.
+std::string bombs(int count, size_t each, bool finish) {
+  MemorySink sink;
+  McapWriter writer(sink, {.chunk_bytes = 1});
+  const uint16_t channel = writer.add_channel("/zeros", 0, "", {}).value();
+  const std::string zeros(each, '\0');
+  for (int i = 0; i < count; ++i) EXPECT_TRUE(writer.write(channel, i, i, zeros));
+  EXPECT_TRUE(!finish || writer.finish());
+  return sink.bytes();
+}
+
+TEST(McapHostile, ManyBombsTogetherAreRefusedWholeByEveryReader) {
+  for (const bool finish : {false, true}) {
+    const std::string bytes = bombs(60, 16 << 20, finish);
+    ASSERT_LT(bytes.size(), 1'000'000u);
+    const MemorySource source(bytes);
+    MemorySink copy;
+    for (const Error& error : {McapReader::open(source, {}).error(), verify_mcap(source, {}).error(), recover_mcap(source, copy, {}, {}).error()}) {
+      EXPECT_EQ(error.code, ErrorCode::kResourceExhausted);
+      EXPECT_NE(error.message.find("unpack to more than"), std::string::npos) << error.message;
+    }
+    // Whoever allows it reads all of it.
+    const McapLimits enough{.max_unpacked_bytes = uint64_t{2} << 30};
+    EXPECT_TRUE(verify_mcap(source, enough)->loss.chunks == 0);
+    EXPECT_EQ(McapReader::open(source, enough)->read({}, [](const McapMessage&) { return true; }).messages, 60u);
+  }
+}
+
+TEST(McapHostile, AChunkThatIsLargerThanItsIndexSaysStillCounts) {
+  constexpr size_t kEach = 16 << 20;
+  std::string bytes = bombs(3, kEach, true);
+  const size_t footer = bytes.size() - mcap::kTailBytes;
+  mcap::Footer told;
+  ASSERT_TRUE(mcap::decode(std::string_view(bytes).substr(footer + mcap::kRecordHeadBytes), told));
+  // The indexes claim one byte for each chunk, and no CRC covers them.
+  const MemorySource honest(bytes);
+  const uint64_t size = McapReader::open(honest, {})->info().chunks.at(1).uncompressed_size, claimed = 1;
+  const std::string stated(reinterpret_cast<const char*>(&size), sizeof size);
+  size_t found = 0;
+  for (size_t at = bytes.find(stated, told.summary_start); at < footer; at = bytes.find(stated, at + 1), ++found)
+    bytes.replace(at, sizeof claimed, reinterpret_cast<const char*>(&claimed), sizeof claimed);
+  ASSERT_GE(found, 2u);
+  bytes.replace(footer + mcap::kRecordHeadBytes + 16, 4, 4, '\0');
+  const MemorySource source(bytes);
+  const McapReader reader = McapReader::open(source, {.max_unpacked_bytes = 2 * kEach}).value();
+  ASSERT_TRUE(reader.info().from_summary);
+  // The budget is that of one reading: it begins anew with each.
+  for (int reading = 0; reading < 2; ++reading) {
+    const McapReadReport report = reader.read({}, [](const McapMessage&) { return true; });
+    EXPECT_EQ(report.messages, 1u);
+    EXPECT_EQ(report.loss.chunks, 1u) << "it stops there";
+    EXPECT_EQ(report.loss.first_troubles.at(0).error.code, ErrorCode::kResourceExhausted);
+  }
+}
+
 TEST(McapHostile, OtherCompressionsAreNamedInTheError) {
-  ChunkUnpacker unpacker(1000);
+  ChunkUnpacker unpacker(1000, 1000);
   const Error error = unpacker.unpack({0, 0, 3, 0, "brotli", "abc"}).error();
   EXPECT_EQ(error.code, ErrorCode::kUnsupported);
   EXPECT_NE(error.message.find("brotli"), std::string::npos);
@@ -311,7 +366,7 @@ std::string lz4_of(const std::string& raw) {
 
 TEST(McapHostile, Lz4GivesWhatTheChunkDeclaresAndNoMore) {
   const std::string raw(100'000, 'x'), packed = lz4_of(raw);
-  ChunkUnpacker unpacker(raw.size());
+  ChunkUnpacker unpacker(raw.size(), 100 * raw.size());
   EXPECT_EQ(unpacker.unpack({0, 0, raw.size(), mcap::crc32_of(raw), "lz4", packed}).value(), raw);
   // Two frames, one behind the other.
   EXPECT_EQ(unpacker.unpack({0, 0, 6, 0, "lz4", lz4_of("abc") + lz4_of("def")}).value(), "abcdef");
@@ -357,7 +412,7 @@ TEST(McapHostile, MemoryStaysBoundedWhenTheSameSchemaBombComesAgainAndAgain) {
     mcap::append_record(bytes, mcap::Chunk{0, 0, raw.size(), mcap::crc32_of(raw), "zstd", packed});
   }
   const MemorySource source(bytes);
-  const McapReader reader = McapReader::open(source, {}).value();
+  const McapReader reader = McapReader::open(source, {.max_unpacked_bytes = uint64_t{2} << 30}).value();
   uint64_t kept = 0;
   for (const auto& [_, schema] : reader.info().schemas) kept += schema.data.size();
   EXPECT_LE(kept, McapLimits{}.max_definition_bytes);

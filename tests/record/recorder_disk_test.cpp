@@ -68,6 +68,50 @@ TEST(Recorder, AFullDiskIsWarnedOfOnceAndWritingGoesOnInANextPart) {
   EXPECT_EQ(std::set<uint64_t>(all.begin(), all.end()).size(), all.size());
 }
 
+// A process that is killed leaves what was handed to the disk.
+TEST(Recorder, TheOpeningIsOnTheDiskAtOnce) {
+  Studio studio({.for_viewers = false});
+  auto recorder = studio.open();
+  recorder->record(RecordTopic::kOpen, {1, 1}, v1::OpenSession());
+  studio.writer->run_once();
+  recorder->record(RecordTopic::kOpened, {2, 2}, v1::SessionOpened());
+  studio.writer->run_once();
+  ASSERT_EQ(studio.files.files.size(), 1u);
+  const Contents found = contents_of(*studio.files.files.begin()->second.bytes, false);
+  EXPECT_THAT(found.topics, ::testing::ElementsAre("/sightline/info", "/sightline/open", "/sightline/opened"));
+  // What follows goes into chunks, as ever.
+  studio.tick(*recorder);
+  studio.writer->run_once();
+  EXPECT_THAT(contents_of(*studio.files.files.begin()->second.bytes, false).ticks, SizeIs(0));
+  studio.later(1);
+  EXPECT_THAT(contents_of(*studio.files.files.begin()->second.bytes, false).ticks, SizeIs(1));
+}
+
+TEST(Recorder, TheGapOfAFullDiskHasItsFirstReason) {
+  Studio studio({.limits = {.free_reserve_bytes = 1000}, .for_viewers = false});
+  auto recorder = studio.open();
+  recorder->record(RecordTopic::kOpen, {1, 1}, v1::OpenSession());
+  studio.tick(*recorder);
+  studio.files.disk_full = true;
+  studio.later(1);
+  const uint64_t capacity = std::exchange(studio.files.capacity, 0);
+  studio.tick(*recorder);
+  studio.later(2);
+  studio.files.disk_full = false;
+  studio.files.capacity = capacity;
+  studio.later(2);
+  studio.tick(*recorder);
+  studio.later(2);
+  recorder.reset();
+  studio.writer.reset();
+  ASSERT_THAT(studio.warnings, SizeIs(2)) << "one reason, and the end of it";
+  EXPECT_EQ(studio.warnings[0].reason, v1::Gap::REASON_NO_SPACE);
+  for (const auto& [name, file] : studio.files.files) {
+    if (file.bytes->empty() || name.ends_with("p001.mcap")) continue;
+    EXPECT_THAT(contents_of(*file.bytes).gap_reasons, ::testing::ElementsAre(v1::Gap::REASON_NO_SPACE)) << name;
+  }
+}
+
 // It was taken from the queue while there was no file, or was waiting in a chunk that could not be written.
 TEST(Recorder, LossesOfALostGapAreReportedAgain) {
   for (const bool in_a_chunk : {false, true}) {
