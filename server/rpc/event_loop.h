@@ -9,7 +9,6 @@
 // many wait, or when it has not rested for a while, so that it keeps reading.
 #pragma once
 
-#include <grpcpp/alarm.h>
 #include <grpcpp/completion_queue.h>
 
 #include <chrono>
@@ -19,7 +18,6 @@
 #include <functional>
 #include <memory>
 #include <mutex>
-#include <optional>
 #include <thread>
 
 namespace sightline {
@@ -66,6 +64,8 @@ class EventLoop {
   // Brackets a call that may start operations; the loop waits for its end. From any thread.
   void call_begins();
   void call_ends();
+  // Delivers an event. From any thread, between the beginning and the end of a call.
+  void post(Event& event);
 
   // Asks the thread for a sign of life, unless it still owes one, and returns how long it has owed it. Called about once a second, the
   // result is less than a second unless an event or a task holds the thread up. From any thread, but not during the destruction.
@@ -77,7 +77,6 @@ class EventLoop {
     explicit Ping(EventLoop& of) : loop(of) {}
     void ready(bool ok) override;
     EventLoop& loop;
-    std::optional<grpc::Alarm> alarm;
     std::mutex mutex;
     bool owed = false;                              // guarded by mutex
     std::chrono::steady_clock::time_point since{};  // guarded by mutex
