@@ -17,7 +17,7 @@ namespace sightline {
 class HttpConnection {
  public:
   using Time = std::chrono::steady_clock::time_point;
-  // What it waits for: the request, a page from the maker, the client to take the answer, the client to close its side.
+  // The connection waits for the request, for a page from the maker, until the client has taken the answer, until the client closes its side.
   enum class Stage { kRequest, kPage, kAnswer, kClosing, kOver };
 
   static constexpr size_t kMostHeadBytes = 8 << 10;

@@ -45,14 +45,16 @@ Result<std::unique_ptr<HttpPort>> HttpPort::start(const std::string& address, co
     socket.error().field = field;
     return tl::unexpected(std::move(socket.error()));
   }
-  return std::unique_ptr<HttpPort>(new HttpPort(std::move(*socket), std::move(pages)));
+  FileDescriptor wake(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
+  if (!wake) return fail(ErrorCode::kUnavailable, field, "no file descriptor is left");
+  return std::unique_ptr<HttpPort>(new HttpPort(std::move(*socket), std::move(wake), std::move(pages)));
 }
 
-HttpPort::HttpPort(ListeningSocket socket, Pages pages)
+HttpPort::HttpPort(ListeningSocket socket, FileDescriptor wake, Pages pages)
     : socket_(std::move(socket)),
+      wake_(std::move(wake)),
       pages_(std::move(pages)),
-      wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
-      maker_([this] { wake(); }),
+      maker_([this] { this->wake(); }),
       thread_([this] { run(); }) {}
 
 HttpPort::~HttpPort() {

@@ -1,7 +1,7 @@
 // A small HTTP server for pages that are made when they are asked for.
 //
 // It is meant for Prometheus and for probes, on an address that only they can reach: it has neither encryption nor authentication. A probe must be
-// answered whatever other clients do, and when everything else in the daemon hangs. So the server is one thread that waits for nobody. It has a
+// answered whatever other clients do, and when all other threads of the daemon hang. So the server is one thread that never waits for a client. It has a
 // number of places for connections. When all are taken, a new connection gets the place of the oldest one of the client that has most. Servers of
 // libraries give a client its place for as long as it sends a byte now and then.
 #pragma once
@@ -47,7 +47,7 @@ class HttpPort {
   using Time = HttpConnection::Time;
   using Connections = std::list<HttpConnection>;  // the oldest is the first
 
-  HttpPort(ListeningSocket socket, Pages pages);
+  HttpPort(ListeningSocket socket, FileDescriptor wake, Pages pages);
   void run();
   void wait();
   void go_round();
@@ -58,8 +58,8 @@ class HttpPort {
   void wake() const;
 
   const ListeningSocket socket_;
-  const Pages pages_;
   const FileDescriptor wake_;
+  const Pages pages_;
   // Used by thread_ only.
   Connections connections_;
   Time accepts_again_{};  // after an accept that failed

@@ -2,8 +2,11 @@
 
 #include <grpcpp/alarm.h>
 #include <sys/prctl.h>
+#include <unistd.h>
 
 #include <utility>
+
+#include "server/base/process_figures.h"
 
 namespace sightline {
 namespace {
@@ -67,15 +70,17 @@ void EventLoop::post(Event& event) {
 }
 
 // A ping comes through the queue like every other event, so it also shows a loop that hangs inside gRPC.
-std::chrono::steady_clock::duration EventLoop::silent() {
+EventLoop::Silence EventLoop::silence() {
   const auto now = now_();
+  const auto busy = busy_time_of_thread(thread_id_);
   const std::lock_guard lock(ping_.mutex);
-  if (ping_.owed) return now - ping_.since;
+  if (ping_.owed) return {now - ping_.since, busy - ping_.busy};
   ping_.owed = true;
   ping_.since = now;
+  ping_.busy = busy;
   call_begins();
   post(ping_);
-  return std::chrono::steady_clock::duration::zero();
+  return {};
 }
 
 void EventLoop::Ping::ready(bool) {
@@ -112,6 +117,7 @@ bool EventLoop::next(Event*& event, bool& ok) {
 
 void EventLoop::run() {
   ::prctl(PR_SET_NAME, "event-loop");  // for ps and debuggers
+  thread_id_ = ::gettid();
   rested_ = now_();
   Event* event = nullptr;
   bool ok = false;

@@ -11,6 +11,7 @@
 
 #include <grpcpp/completion_queue.h>
 
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <cstddef>
@@ -69,7 +70,11 @@ class EventLoop {
 
   // Asks the thread for a sign of life, unless it still owes one, and returns how long it has owed it. Called about once a second, the
   // result is less than a second unless an event or a task holds the thread up. From any thread, but not during the destruction.
-  std::chrono::steady_clock::duration silent();
+  struct Silence {
+    std::chrono::steady_clock::duration lasted{0};
+    std::chrono::nanoseconds busy{0};  // in which the thread ran or waited for a processor
+  };
+  Silence silence();
 
  private:
   // The sign of life.
@@ -80,6 +85,7 @@ class EventLoop {
     std::mutex mutex;
     bool owed = false;                              // guarded by mutex
     std::chrono::steady_clock::time_point since{};  // guarded by mutex
+    std::chrono::nanoseconds busy{0};               // of the thread until then; guarded by mutex
   };
 
   void run();
@@ -95,6 +101,7 @@ class EventLoop {
   bool after_long_rest_ = false;                    // the current event is the first one after a long rest
 
   Ping ping_{*this};
+  std::atomic<int> thread_id_{0};
 
   std::mutex mutex_;
   std::condition_variable none_left_;

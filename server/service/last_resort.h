@@ -1,7 +1,7 @@
 // Ends the process when its orderly end takes too long.
 //
-// A daemon that is asked to stop joins its threads. One of them may be in a library that does not come back. Whatever runs the daemon would kill it later,
-// and what recordings still hold in memory would be lost.
+// A daemon that is asked to stop joins its threads. One of them may be in a library that does not come back. The platform would kill the daemon later,
+// and recordings would lose what is still in memory.
 #pragma once
 
 #include <chrono>

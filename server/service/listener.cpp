@@ -19,6 +19,8 @@ constexpr size_t kRoomToRefuse = size_t{1} << 20;
 constexpr int kMaxCallsPerConnection = 1024;
 // Synchronous RPCs occupy one thread each.
 constexpr int kMaxThreads = 64;
+// A busy thread may be silent for so many times as long as one that waits for something.
+constexpr int kPatienceWithBusy = 6;
 // How often calls are cancelled that are still open after the server's end.
 constexpr std::chrono::milliseconds kCancelPeriod{100};
 
@@ -68,6 +70,12 @@ void configure(grpc::ServerBuilder& builder, const ListenOptions& options) {
   grpc::ResourceQuota quota("listener");
   if (options.transport_memory > 0) quota.Resize(options.transport_memory);
   builder.SetResourceQuota(quota.SetMaxThreads(kMaxThreads));
+}
+
+// A loop that works, or waits for a processor, is slow: a restart would end all sessions, and the next daemon would not be faster. It hangs only if it
+// works for ever.
+std::chrono::duration<double> weighed(const EventLoop::Silence& silence) {
+  return std::max<std::chrono::duration<double>>(silence.lasted - silence.busy, silence.lasted / kPatienceWithBusy);
 }
 
 }  // namespace
@@ -148,7 +156,7 @@ void Listener::set_alive(bool alive) {
 
 std::chrono::duration<double> Listener::loops_silent() const {
   std::chrono::duration<double> longest(0.0);
-  for (const auto& loop : loops_) longest = std::max<std::chrono::duration<double>>(longest, loop->silent());
+  for (const auto& loop : loops_) longest = std::max(longest, weighed(loop->silence()));
   return longest;
 }
 

@@ -61,7 +61,7 @@ class Listener {
   // What it answers for "liveness". It begins with SERVING.
   void set_alive(bool alive);
 
-  // How long the slowest event loop has owed a sign of life, and how long ago the slowest thread of the gate last went round. To be called about
+  // How long the slowest event loop has owed a sign of life (less if it was busy), and how long ago the slowest thread of the gate last went round. To be called about
   // once a second, from any thread, until `stop`.
   std::chrono::duration<double> loops_silent() const;
   std::chrono::duration<double> gate_silent() const { return std::chrono::duration<double>(gate_->silent_s()); }

@@ -21,12 +21,13 @@ parser.add_argument("stubs")
 parser.add_argument("--out", help="file for the figures")
 parser.add_argument("--after", type=float, default=60.0, help="seconds from the attack's end to the last look at the memory")
 parser.add_argument("--seconds", type=float, default=8.0, help="length of an attack")
-parser.add_argument("--only", type=int, nargs="+", default=[], metavar="NUMBER", help="numbers of the attacks to run")
+parser.add_argument("--only", nargs="+", default=[], metavar="NUMBER", help="numbers of the attacks to run")
 options = parser.parse_args()
 attack.Daemon.path = options.sightlined
 sys.path.insert(0, options.stubs)
 
 import attacks  # noqa: E402
+import held_probes  # noqa: E402
 from daemon import Daemon, Healthy  # noqa: E402
 
 LIMIT_MS, SLACK = 33.0, 0.10
@@ -42,7 +43,7 @@ def measured(one):
             return {"number": one.number, "skipped": more["skip"]}, None
         stack = contextlib.ExitStack()
         daemon = stack.enter_context(Daemon(*one.flags, *more.get("more", ()), limits=one.limits,
-                                            stderr=more.get("stderr")))
+                                            stderr=more.get("stderr"), environment=more.get("environment")))
         daemon.recordings = more.get("recordings")
         address = daemon.ready.read_text().split()[-1 if one.beside_is_another_client else 0]
         Healthy(address, 2).result()
@@ -73,7 +74,8 @@ def finished(figures, daemon, stack):
 
 
 def main():
-    wanted = [one for one in attacks.ATTACKS if not options.only or one.number in options.only]
+    everything = attacks.ATTACKS + held_probes.ATTACKS
+    wanted = [one for one in everything if not options.only or str(one.number) in options.only]
     rows, waiting = [], []
     for one in wanted:
         figures, running = measured(one)
@@ -84,7 +86,8 @@ def main():
     for figures, (daemon, stack, due) in waiting:
         time.sleep(max(0.0, due - time.monotonic()))
         rows.append(finished(figures, daemon, stack))
-    rows.sort(key=lambda row: row["number"])
+    order = [one.number for one in everything]
+    rows.sort(key=lambda row: order.index(row["number"]))
     if options.out:
         with open(options.out, "w") as file:
             json.dump({"cpus": os.cpu_count(), "seconds": options.seconds, "after_s": options.after, "rows": rows}, file, indent=1)
