@@ -340,8 +340,9 @@ bool signalled_again() {
 // How often the watchdog looks.
 constexpr Watchdog::Seconds kWatchPeriod{1.0};
 
-std::vector<Watchdog::Watched> watched_threads(const Listener& listener, const Scheduler& scheduler) {
+std::vector<Watchdog::Watched> watched_threads(const Listener& listener, const Timers& timers, const Scheduler& scheduler) {
   return {{"event loop", [&] { return listener.loops_silent(); }},
+          {"timers", [&] { return timers.late(); }},
           {"gate", [&] { return listener.gate_silent(); }},
           {"step", [&] { return std::chrono::nanoseconds(scheduler.longest_running_ns()); }}};
 }
@@ -465,7 +466,7 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   if (!listener)
     return failed_to_start(log, listener.error(), "choose another address, or stop what uses it");
 
-  std::optional<Watchdog> watchdog(std::in_place, watched_threads(**listener, scheduler), Watchdog::Seconds(flags.stall_s), kWatchPeriod,
+  std::optional<Watchdog> watchdog(std::in_place, watched_threads(**listener, service.timers(), scheduler), Watchdog::Seconds(flags.stall_s), kWatchPeriod,
                                    [&](const auto& hanging) { tell_health(state, **listener, hanging, log); });
   std::unique_ptr<HttpPort> operators;
   if (flags.metrics_listen != "none") {

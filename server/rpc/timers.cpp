@@ -2,6 +2,8 @@
 
 #include <sys/prctl.h>
 
+#include <algorithm>
+
 namespace sightline {
 
 using std::chrono::steady_clock;
@@ -36,6 +38,13 @@ bool Timers::cancel(const Timer& timer) {
   return true;
 }
 
+Timers::Duration Timers::late() const {
+  const std::lock_guard lock(mutex_);
+  const auto now = steady_clock::now();
+  if (runs_since_) return now - *runs_since_;
+  return actions_.empty() ? Duration::zero() : std::max(Duration::zero(), now - actions_.begin()->first.first);
+}
+
 void Timers::run() {
   ::prctl(PR_SET_NAME, "timers");  // for ps and debuggers
   std::unique_lock lock(mutex_);
@@ -48,10 +57,12 @@ void Timers::run() {
     } else {
       Action action = std::move(first->second);
       actions_.erase(first);
+      runs_since_ = steady_clock::now();
       lock.unlock();
       action();
       action = nullptr;
       lock.lock();
+      runs_since_.reset();
     }
   }
 }

@@ -10,6 +10,7 @@
 #include <functional>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <thread>
 #include <utility>
 
@@ -33,14 +34,19 @@ class Timers {
   Timer start(Duration after, Action action);
   // True: the action will not run. False: it has run, or is running now.
   bool cancel(const Timer& timer);
+  // For how long an action has run, or should have: about zero unless the thread hangs.
+  Duration late() const;
 
  private:
+  using Time = std::chrono::steady_clock::time_point;
+
   void run();
 
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::condition_variable changed_;
   // Guarded by mutex_.
   std::map<Timer, Action> actions_;  // by their time
+  std::optional<Time> runs_since_;   // of the action that runs now
   uint64_t last_number_ = 0;
   bool stopping_ = false;
 

@@ -88,6 +88,26 @@ TEST(Timers, AnActionMayStartTheNextTimer) {
   EXPECT_EQ(end.get_future().get(), 0);
 }
 
+TEST(Timers, SayForHowLongAnActionHasHeldThemUp) {
+  Timers timers;
+  EXPECT_EQ(timers.late(), Timers::Duration::zero());
+  timers.start(kNever, [] {});
+  EXPECT_EQ(timers.late(), Timers::Duration::zero());
+  std::promise<void> held, let_go;
+  timers.start(milliseconds(0), [&] {
+    held.set_value();
+    let_go.get_future().wait();
+  });
+  held.get_future().wait();
+  std::this_thread::sleep_for(milliseconds(20));
+  EXPECT_GE(timers.late(), milliseconds(20));
+  let_go.set_value();
+  wait_until_idle(timers);
+  bool on_time = false;
+  for (int i = 0; i < 10'000 && !on_time; ++i, std::this_thread::sleep_for(milliseconds(1))) on_time = timers.late() == Timers::Duration::zero();
+  EXPECT_TRUE(on_time);
+}
+
 TEST(Timers, ThoseThatHaveNotRunNeverDo) {
   bool ran = false;
   std::optional<Timers> timers(std::in_place);
