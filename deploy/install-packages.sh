@@ -17,7 +17,7 @@ build_packages=(
   libembree-dev libtbb-dev libglm-dev libtinygltf-dev nlohmann-json3-dev
   libspdlog-dev libfmt-dev libcli11-dev libexpected-dev libxxhash-dev libstb-dev
   libmeshoptimizer-dev libdraco-dev
-  prometheus-cpp-dev libcivetweb-dev libsystemd-dev
+  prometheus-cpp-dev libsystemd-dev
   libgtest-dev libgmock-dev libbenchmark-dev libbullet-dev
   python3 python3-grpcio python3-protobuf python3-venv
 )
@@ -26,7 +26,7 @@ command -v npm >/dev/null || build_packages+=(nodejs npm)
 test_packages=(dpkg-dev lintian man-db zsh fish mono-mcs chromium chromium-driver python3-selenium fonts-dejavu-core prometheus systemd haproxy python3-clang-14)
 cpu_packages=(
   libgrpc++1.51 libprotobuf32 libepoxy0 libembree3-3 libtinygltf2d
-  libspdlog1.10 libfmt9 libxxhash0 libmeshoptimizer2d libdraco7 libprometheus-cpp-core1.0 libcivetweb1 libsystemd0 libzstd1 liblz4-1 zlib1g libssl3
+  libspdlog1.10 libfmt9 libxxhash0 libmeshoptimizer2d libdraco7 libprometheus-cpp-core1.0 libsystemd0 libzstd1 liblz4-1 zlib1g libssl3
 )
 run_packages=("${cpu_packages[@]}" libegl1 libopengl0 libegl-mesa0 libgl1-mesa-dri)
 fuzz_packages=(

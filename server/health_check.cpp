@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "server/gate/small_file.h"
+#include "server/rpc/timers.h"
 #include "grpc/health/v1/health.grpc.pb.h"
 
 namespace sightline {
@@ -49,6 +50,8 @@ int check_health(const HealthAddress& where, const std::string& service, std::os
   const auto stub = health::Health::NewStub(grpc::CreateCustomChannel(address, *credentials, arguments));
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + kPatience);
+  Timers timers;  // gRPC's own may be late (server/rpc/timers.h)
+  timers.start(2 * kPatience, [&context] { context.TryCancel(); });
   health::HealthCheckRequest request;
   request.set_service(service);
   health::HealthCheckResponse response;

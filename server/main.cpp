@@ -21,6 +21,7 @@
 #include <new>
 #include <optional>
 #include <system_error>
+#include <thread>
 
 #include "server/base/cpu_budget.h"
 #include "server/device_report.h"
@@ -29,6 +30,7 @@
 #include "server/health_check.h"
 #include "server/metrics/operator_pages.h"
 #include "server/preparation.h"
+#include "server/service/last_resort.h"
 #include "server/service/listener.h"
 #include "server/record/recorder.h"
 #include "server/service/server_info.h"
@@ -52,6 +54,9 @@ constexpr unsigned kThreadsPerLoop = 8;
 constexpr unsigned kLoaderThreads = 2;
 // Time that open calls get to end after the sessions were closed.
 constexpr milliseconds kStopGrace{500};
+// Time from then on until all parts of the daemon have ended. Together with LastResort::kRescueTime and the default of --drain-s it is less than what
+// systemd and Compose allow (15 s).
+constexpr std::chrono::seconds kLongestEnd{4};
 // How often the end of the sessions is checked while the server drains.
 constexpr milliseconds kDrainPoll{10};
 // Of each connection: the client's socket, and a pair between the gate and gRPC.
@@ -97,7 +102,8 @@ size_t raise_descriptor_limit() {
 
 GateLimits gate_limits(const Flags& flags) {
   const size_t recordings = flags.record_dir.empty() ? 0 : flags.max_sessions;
-  const size_t descriptors = raise_descriptor_limit(), others = kDescriptorReserve + recordings;
+  const size_t operators = flags.metrics_listen == "none" ? 0 : HttpPort::kMostConnections;
+  const size_t descriptors = raise_descriptor_limit(), others = kDescriptorReserve + recordings + operators;
   const size_t fit = descriptors > others ? (descriptors - others) / kDescriptorsOfConnection : 0;
   GateLimits limits;
   limits.max_connections = std::clamp<size_t>(fit, 1, flags.max_connections);
@@ -168,9 +174,14 @@ class Recording {
   Recording(const Flags& flags, const Log& log)
       : files_(system_files()),
         writer_(record_settings(flags), *files_, wall_ns, [&log](const RecordWarning& w) { log_warning(log, w); }),
-        thread_(started(writer_), kRecordPeriod) {}
+        thread_(std::in_place, started(writer_), kRecordPeriod) {}
 
   RecordWriter& writer() { return writer_; }
+  // Completes the files although sessions are still recorded, which lose what comes now.
+  void complete() {
+    thread_.reset();
+    writer_.finish();
+  }
 
  private:
   static RecordWriter& started(RecordWriter& writer) {
@@ -180,7 +191,7 @@ class Recording {
 
   const std::unique_ptr<RecordFileSystem> files_;
   RecordWriter writer_;
-  RecordThread thread_;
+  std::optional<RecordThread> thread_;
 };
 
 // A prefix that differs for each start of a daemon, so that a session id in a log never means two sessions.
@@ -303,8 +314,9 @@ bool signalled_again() {
 // How often the watchdog looks.
 constexpr Watchdog::Seconds kWatchPeriod{1.0};
 
-std::vector<Watchdog::Watched> watched_threads(const Listener& listener, const Scheduler& scheduler) {
+std::vector<Watchdog::Watched> watched_threads(const Listener& listener, const Timers& timers, const Scheduler& scheduler) {
   return {{"event loop", [&] { return listener.loops_silent(); }},
+          {"timers", [&] { return timers.late(); }},
           {"gate", [&] { return listener.gate_silent(); }},
           {"step", [&] { return std::chrono::nanoseconds(scheduler.longest_running_ns()); }}};
 }
@@ -364,9 +376,17 @@ int failed_to_start(const Log& log, const Error& error, const std::string& advic
   return EXIT_FAILURE;
 }
 
+// The log has a thread of its own, which gets a moment for the last line.
+void end_by_force() {
+  std::this_thread::sleep_for(milliseconds(200));
+  std::_Exit(EXIT_FAILURE);
+}
+
 int serve(const Flags& flags, const Log& log, const std::function<Command()>& parse_again) {
+  std::optional<LastResort> last_resort;  // outlives what may hang at the end
   const auto prepared = prepare(flags);
   if (!prepared) return failed_to_start(log, prepared.error().error, prepared.error().advice);
+  last_resort.emplace(end_by_force);
   Credentials& credentials = *prepared->credentials;
   warn_of_exposed(credentials, log);
   if (prepared->faulty) log.warn("faults are injected", {{"flag", "--inject-fault"}});
@@ -376,8 +396,8 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   const auto* const egl = dynamic_cast<const EglSamplerDevice*>(prepared->chosen.device.get());
   const auto context_losses = [egl] { return egl ? egl->context_rebuilds() : uint64_t{0}; };
 
-  std::optional<Recording> recording;
-  if (!flags.record_dir.empty()) recording.emplace(flags, log);
+  std::shared_ptr<Recording> recording;
+  if (!flags.record_dir.empty()) recording = std::make_shared<Recording>(flags, log);
   const RecordingRules recorded{.writer = recording ? &recording->writer() : nullptr,
                                 .all = flags.record_all,
                                 .attach_scenes = flags.record_scenes,
@@ -391,7 +411,7 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   gltf.max_instances = std::min(gltf.max_instances, session_limits.session_bytes / kBytesOfInstance);
   GeometryStore geometry(flags.geometry_memory_mib << 20);
   ExtentCache extents;
-  SceneLibrary scenes(flags.scene_dir, gltf, geometry, recording.has_value(), flags.kept_uploads_mib << 20,
+  SceneLibrary scenes(flags.scene_dir, gltf, geometry, recording != nullptr, flags.kept_uploads_mib << 20,
                       share_of_one(flags.client_scenes_memory_mib << 20, flags.geometry_memory_mib << 20));
   StreamRegistry streams(flags.max_sessions, share_of_one(flags.max_sessions_per_client, flags.max_sessions));
   Scheduler scheduler(flags.threads > 0 ? flags.threads : static_cast<unsigned>(cpu_budget()), sampler,
@@ -411,7 +431,7 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   if (!listener)
     return failed_to_start(log, listener.error(), "choose another address, or stop what uses it");
 
-  std::optional<Watchdog> watchdog(std::in_place, watched_threads(**listener, scheduler), Watchdog::Seconds(flags.stall_s), kWatchPeriod,
+  std::optional<Watchdog> watchdog(std::in_place, watched_threads(**listener, service.timers(), scheduler), Watchdog::Seconds(flags.stall_s), kWatchPeriod,
                                    [&](const auto& hanging) { tell_health(state, **listener, hanging, log); });
   std::unique_ptr<HttpPort> operators;
   if (flags.metrics_listen != "none") {
@@ -449,8 +469,14 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
     without_ending(log, [&] { read_configuration_again(log, parse_again); });
     return look_at_credentials();
   });
+  const auto rescue = [&log, recording] {
+    log.error("ending by force", {{"reason", "a thread of the daemon does not end"}});
+    if (recording) recording->complete();
+  };
+  last_resort->arm(std::chrono::duration_cast<LastResort::Duration>(std::chrono::duration<double>(flags.drain_s)) + kLongestEnd, rescue);
   ready.remove();
   drain(state, **listener, streams, flags.drain_s, log);
+  last_resort->arm(kLongestEnd, rescue);
   operators.reset();
   watchdog.reset();
   (*listener)->stop(kStopGrace);

@@ -55,6 +55,12 @@ uint64_t open_descriptors() {
 
 }  // namespace
 
+std::chrono::nanoseconds busy_time_of_thread(int thread) {
+  std::ifstream file("/proc/self/task/" + std::to_string(thread) + "/schedstat");
+  int64_t ran = 0, waited = 0;
+  return file >> ran >> waited ? std::chrono::nanoseconds(ran + waited) : std::chrono::nanoseconds(0);
+}
+
 ProcessFigures process_figures() {
   const std::vector<std::string> fields = stat_fields();
   const auto ticks_per_s = static_cast<double>(::sysconf(_SC_CLK_TCK));

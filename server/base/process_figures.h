@@ -1,6 +1,7 @@
 // What the kernel says about this process: memory, processor time, file descriptors.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 
 namespace sightline {
@@ -15,7 +16,10 @@ struct ProcessFigures {
   uint64_t threads = 0;
 };
 
-// Reads /proc/self, in less than a millisecond. Thread-safe.
+// For how long a thread of this process has run, or waited for a processor, since its start. 0 when the kernel does not tell.
+std::chrono::nanoseconds busy_time_of_thread(int thread);
+
+// Reads /proc/self, in less than a millisecond. Thread-safe, as the function above.
 ProcessFigures process_figures();
 
 }  // namespace sightline

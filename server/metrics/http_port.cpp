@@ -1,82 +1,155 @@
 #include "server/metrics/http_port.h"
 
-#include <civetweb.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/prctl.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
-#include <exception>
+#include <algorithm>
+#include <cerrno>
+#include <cstdint>
+#include <new>
+#include <string_view>
 #include <utility>
+#include <vector>
+
+#include "server/gate/connection.h"
 
 namespace sightline {
 namespace {
 
-// Prometheus and a few probes ask at the same time. A request that does not come in time gives its thread back.
-constexpr const char* kThreads = "4";
-constexpr const char* kRequestTimeoutMs = "2000";
+using std::chrono::steady_clock;
+using Stage = HttpConnection::Stage;
 
-const char* reason_of(int status) {
-  switch (status) {
-    case 200: return "OK";
-    case 404: return "Not Found";
-    case 405: return "Method Not Allowed";
-    case 503: return "Service Unavailable";
-    default: return "Internal Server Error";
-  }
+// Connections accepted in a round, so that those that are there are looked at in between.
+constexpr int kAcceptsInRound = 16;
+// After an accept that failed for want of descriptors or memory; without the pause the thread would spin.
+constexpr std::chrono::milliseconds kAfterFailure{20};
+
+int milliseconds_until(steady_clock::time_point time) {
+  return static_cast<int>(std::max<int64_t>(0, std::chrono::ceil<std::chrono::milliseconds>(time - steady_clock::now()).count()));
 }
 
-// The server's own log would mix with the daemon's. Errors come back as statuses.
-int drop_message(const mg_connection*, const char*) {
-  return 1;
+HttpAnswer no_such_page(const HttpPort::Pages& pages) {
+  std::string known = "There is no such page. There are:\n";
+  for (const auto& [name, page] : pages) known += name + "\n";
+  return {.status = 404, .body = std::move(known)};
 }
 
 }  // namespace
 
-HttpPort::HttpPort(Pages pages) : pages_(std::move(pages)) {
-  mg_init_library(0);
+Result<std::unique_ptr<HttpPort>> HttpPort::start(const std::string& address, const std::string& field, Pages pages) {
+  auto socket = ListeningSocket::tcp(address);
+  if (!socket) {
+    socket.error().field = field;
+    return tl::unexpected(std::move(socket.error()));
+  }
+  FileDescriptor wake(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
+  if (!wake) return fail(ErrorCode::kUnavailable, field, "no file descriptor is left");
+  return std::unique_ptr<HttpPort>(new HttpPort(std::move(*socket), std::move(wake), std::move(pages)));
 }
+
+HttpPort::HttpPort(ListeningSocket socket, FileDescriptor wake, Pages pages)
+    : socket_(std::move(socket)),
+      wake_(std::move(wake)),
+      pages_(std::move(pages)),
+      maker_([this] { this->wake(); }),
+      thread_([this] { run(); }) {}
 
 HttpPort::~HttpPort() {
-  if (context_) mg_stop(context_);
-  mg_exit_library();
+  stopping_ = true;
+  wake();
+  thread_.join();
 }
 
-Result<std::unique_ptr<HttpPort>> HttpPort::start(const std::string& address, const std::string& field, Pages pages) {
-  std::unique_ptr<HttpPort> made(new HttpPort(std::move(pages)));
-  const char* options[] = {"listening_ports", address.c_str(), "num_threads", kThreads, "request_timeout_ms", kRequestTimeoutMs,
-                                 "enable_keep_alive", "no", "enable_auth_domain_check", "no", nullptr};
-  mg_callbacks callbacks{};
-  callbacks.log_message = drop_message;
-  made->context_ = mg_start(&callbacks, made.get(), options);
-  if (!made->context_) return fail(ErrorCode::kUnavailable, field, "cannot listen at " + address);
-  mg_set_request_handler(made->context_, "/", answer, made.get());
-  return made;
+void HttpPort::wake() const {
+  const uint64_t one = 1;
+  // It fails only if the thread has been woken very often already.
+  [[maybe_unused]] const ssize_t written = ::write(wake_.get(), &one, sizeof(one));
 }
 
-int HttpPort::port() const {
-  mg_server_port port{};
-  return mg_get_server_ports(context_, 1, &port) == 1 ? port.port : 0;
+void HttpPort::run() {
+  ::prctl(PR_SET_NAME, "http-port");  // for ps and debuggers
+  while (!stopping_) try {
+      wait();
+      go_round();
+    } catch (const std::bad_alloc&) {
+      connections_.clear();
+    }
 }
 
-HttpAnswer HttpPort::answer_to(const std::string& method, const std::string& path) const try {
-  const auto page = pages_.find(path);
-  if (page == pages_.end()) {
-    std::string known = "There is no such page. There are:\n";
-    for (const auto& [name, make] : pages_) known += name + "\n";
-    return {.status = 404, .body = std::move(known)};
+// Waits until there is something to do.
+void HttpPort::wait() {
+  const auto now = steady_clock::now();
+  const bool accepts = now >= accepts_again_;
+  std::vector<pollfd> awaited{{wake_.get(), POLLIN, 0}, {accepts ? socket_.fd() : -1, POLLIN, 0}};
+  auto next = accepts ? Time::max() : accepts_again_;
+  for (const HttpConnection& connection : connections_) {
+    awaited.push_back({connection.fd(), connection.awaited_events(), 0});
+    next = std::min(next, connection.deadline());
   }
-  if (method != "GET" && method != "HEAD") return {.status = 405, .body = "Only GET and HEAD are answered.\n"};
-  return page->second();
-} catch (const std::exception&) {
-  return {.status = 500, .body = "The page could not be made.\n"};
+  ::poll(awaited.data(), awaited.size(), next == Time::max() ? -1 : milliseconds_until(next));
+  uint64_t count = 0;
+  if (awaited[0].revents != 0) [[maybe_unused]] const ssize_t taken = ::read(wake_.get(), &count, sizeof(count));
+  size_t at = 2;
+  for (HttpConnection& connection : connections_)
+    if (awaited[at++].revents != 0) advance(connection, steady_clock::now());
 }
 
-int HttpPort::answer(mg_connection* connection, void* self) {
-  const mg_request_info& request = *mg_get_request_info(connection);
-  const std::string method = request.request_method;
-  const HttpAnswer answer = static_cast<const HttpPort*>(self)->answer_to(method, request.local_uri);
-  mg_printf(connection,
-            "HTTP/1.1 %d %s\r\nContent-Type: %s\r\nContent-Length: %zu\r\nCache-Control: no-store\r\nConnection: close\r\n\r\n",
-            answer.status, reason_of(answer.status), answer.content_type.c_str(), answer.body.size());
-  if (method != "HEAD") mg_write(connection, answer.body.data(), answer.body.size());
-  return answer.status;
+void HttpPort::go_round() {
+  const auto now = steady_clock::now();
+  take_pages(now);
+  connections_.remove_if([now](const HttpConnection& one) { return one.stage() == Stage::kOver || one.deadline() <= now; });
+  accept(now);
+}
+
+void HttpPort::advance(HttpConnection& connection, Time now) {
+  const auto request = connection.advance(now);
+  if (!request) return;
+  const bool head_only = request->method == "HEAD";
+  const auto page = pages_.find(request->path);
+  if (page == pages_.end()) return connection.answer(no_such_page(pages_), head_only, now);
+  if (!head_only && request->method != "GET")
+    return connection.answer({.status = 405, .body = "Only GET and HEAD are answered.\n"}, false, now);
+  if (page->second.takes_long)
+    connection.wait_for_page(maker_.ask(page->second.make), head_only, now);
+  else
+    connection.answer(made(page->second.make), head_only, now);
+}
+
+void HttpPort::take_pages(Time now) {
+  for (const PageMaker::Made& page : maker_.take())
+    for (HttpConnection& connection : connections_)
+      if (connection.waits_for_page(page.number)) connection.answer(*page.answer, connection.head_only(), now);
+}
+
+void HttpPort::accept(Time now) {
+  if (now < accepts_again_) return;
+  for (int i = 0; i < kAcceptsInRound; ++i) {
+    FileDescriptor fd(::accept4(socket_.fd(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+    if (!fd) {
+      if (errno == EMFILE || errno == ENFILE || errno == ENOBUFS || errno == ENOMEM) accepts_again_ = now + kAfterFailure;
+      return;
+    }
+    if (connections_.size() >= kMostConnections) make_room();
+    std::string client = client_of_socket(fd.get());
+    // The request has come with the connection, as a rule.
+    advance(connections_.emplace_back(std::move(fd), std::move(client), now), now);
+  }
+}
+
+// A connection that has its answer goes first.
+void HttpPort::make_room() {
+  const auto answered = std::find_if(connections_.begin(), connections_.end(), [](const auto& one) { return one.stage() >= Stage::kClosing; });
+  if (answered != connections_.end()) {
+    connections_.erase(answered);
+    return;
+  }
+  std::map<std::string_view, size_t> of_client;
+  size_t most = 0;
+  for (const HttpConnection& one : connections_) most = std::max(most, ++of_client[one.client()]);
+  connections_.erase(std::find_if(connections_.begin(), connections_.end(), [&](const auto& one) { return of_client[one.client()] == most; }));
 }
 
 }  // namespace sightline

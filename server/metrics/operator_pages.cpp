@@ -4,7 +4,6 @@
 #include <prometheus/text_serializer.h>
 
 #include <string>
-#include <utility>
 
 namespace sightline {
 namespace {
@@ -15,14 +14,15 @@ HttpAnswer health(const std::string& trouble) {
 
 }  // namespace
 
-HttpPort::Pages operator_pages(MetricSource source) {
+HttpPort::Pages operator_pages(const MetricSource& source) {
   const DaemonState& state = source.state;
-  return {{"/livez", [&state] { return health(state.why_not_alive()); }},
-          {"/readyz", [&state] { return health(state.why_not_ready()); }},
-          {"/metrics", [source = std::move(source)] {
-             return HttpAnswer{.body = prometheus::TextSerializer().Serialize(metric_families(source)),
-                               .content_type = "text/plain; version=0.0.4; charset=utf-8"};
-           }}};
+  const MakePage metrics = [source] {
+    return HttpAnswer{.body = prometheus::TextSerializer().Serialize(metric_families(source)),
+                      .content_type = "text/plain; version=0.0.4; charset=utf-8"};
+  };
+  return {{"/livez", {[&state] { return health(state.why_not_alive()); }}},
+          {"/readyz", {[&state] { return health(state.why_not_ready()); }}},
+          {"/metrics", {metrics, true}}};
 }
 
 }  // namespace sightline

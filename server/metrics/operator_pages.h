@@ -10,6 +10,6 @@ namespace sightline {
 // /livez:   200 while no thread hangs, otherwise 503 with the names of those that do.
 // /readyz:  200 while the daemon is ready for sessions, otherwise 503 with the reason.
 // What `source` refers to must outlive the pages.
-HttpPort::Pages operator_pages(MetricSource source);
+HttpPort::Pages operator_pages(const MetricSource& source);
 
 }  // namespace sightline

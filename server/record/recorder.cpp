@@ -81,6 +81,10 @@ RecordWriter::RecordWriter(RecordSettings settings, RecordFileSystem& files, Clo
       waker_(std::make_shared<record_internal::Waker>()) {}
 
 RecordWriter::~RecordWriter() {
+  finish();
+}
+
+void RecordWriter::finish() {
   run_once();
   for (ActiveSession& active : active_) close_file(active);
 }

@@ -133,7 +133,7 @@ class SessionRecorder {
   v1::Gap gap_;  // messages dropped since the last one that was recorded
 };
 
-// The writer's end. Only open_session(), counts(), folder_trouble() and wake() may be called while another thread is in run_once().
+// The writer's end. Only open_session(), counts(), folder_trouble() and wake() may be called while another thread is in run_once() or finish().
 class RecordWriter {
  public:
   using Clock = std::function<uint64_t()>;  // ns since 1970 (UTC)
@@ -147,6 +147,9 @@ class RecordWriter {
 
   // The info's `version`, `part`, `start_time_ns` and `snapshot_ticks` are filled here. May be called from any thread.
   std::unique_ptr<SessionRecorder> open_session(v1::RecordingInfo info);
+
+  // Writes the queued messages and finishes every file, as at the end of its life. Nothing but the destructor may follow on this thread.
+  void finish();
 
   // Empties the queues into the files, closes chunks whose time has come, finishes the files of ended sessions and keeps
   // the folder within its limits. Never fails: failures are counted and warned of.

@@ -2,7 +2,6 @@
 // API, but its reactions run on a thread of our own (event_loop.h says why).
 #pragma once
 
-#include <grpcpp/alarm.h>
 #include <grpcpp/impl/codegen/proto_utils.h>
 #include <grpcpp/server_context.h>
 #include <grpcpp/support/async_stream.h>
@@ -12,10 +11,10 @@
 #include <functional>
 #include <memory>
 #include <new>
-#include <optional>
 #include <utility>
 
 #include "server/rpc/event_loop.h"
+#include "server/rpc/timers.h"
 
 namespace sightline {
 
@@ -115,14 +114,17 @@ class AsyncCall {
     incoming_->responder.Write(message, &written_);
   }
   // One alarm at a time; the next may be started from `on_alarm`. It must be cancelled before the call can end earlier than
-  // the alarm.
-  void start_alarm(std::chrono::milliseconds timeout) {
+  // the alarm. `timers` must outlive the call. Both functions are called from one thread at a time.
+  void start_alarm(Timers& timers, std::chrono::milliseconds timeout) {
     begin();
-    alarm_.emplace();
-    alarm_->Set(&loop_.queue(), std::chrono::system_clock::now() + timeout, &alarmed_);
+    timers_ = &timers;
+    ran_out_ = true;
+    alarm_ = timers.start(timeout, [this] { loop_.post(alarmed_); });
   }
   void cancel_alarm() {
-    if (alarm_) alarm_->Cancel();
+    if (!timers_ || !timers_->cancel(alarm_)) return;
+    ran_out_ = false;
+    loop_.post(alarmed_);
   }
   void finish_call(const grpc::Status& status) { incoming_->responder.Finish(status, &finished_); }
   // Ends the call at once, and with it a write that its client does not take. `on_cancel` follows.
@@ -160,7 +162,7 @@ class AsyncCall {
   }
   void react_to_read(bool ok) { on_read(ok); }
   void react_to_write(bool ok) { on_write(ok); }
-  void react_to_alarm(bool ok) { on_alarm(ok); }
+  void react_to_alarm(bool) { on_alarm(ran_out_); }
   void react_to_finish(bool) {}
   void react_to_end(bool) {
     if (incoming_->context.IsCancelled()) on_cancel();
@@ -168,7 +170,10 @@ class AsyncCall {
 
   EventLoop& loop_;
   std::unique_ptr<Incoming> incoming_;
-  std::optional<grpc::Alarm> alarm_;
+  // Of the newest alarm.
+  Timers* timers_ = nullptr;
+  Timers::Timer alarm_;
+  bool ran_out_ = false;  // it was not cancelled
   std::atomic<int> under_way_{2};  // every call has an end and a finish
   Reaction<&AsyncCall::react_to_read> read_{*this};
   Reaction<&AsyncCall::react_to_write> written_{*this};

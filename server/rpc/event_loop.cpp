@@ -1,8 +1,12 @@
 #include "server/rpc/event_loop.h"
 
+#include <grpcpp/alarm.h>
 #include <sys/prctl.h>
+#include <unistd.h>
 
 #include <utility>
+
+#include "server/base/process_figures.h"
 
 namespace sightline {
 namespace {
@@ -58,17 +62,25 @@ void EventLoop::call_ends() {
   if (--calls_ == 0) none_left_.notify_all();
 }
 
+// gRPC delivers an alarm whose time is over at once, on this thread and without its timers. With the present time it would not: it rounds
+// times up to milliseconds, and waits for the rest by the wall clock.
+void EventLoop::post(Event& event) {
+  grpc::Alarm alarm;
+  alarm.Set(queue_.get(), gpr_inf_past(GPR_CLOCK_MONOTONIC), &event);
+}
+
 // A ping comes through the queue like every other event, so it also shows a loop that hangs inside gRPC.
-std::chrono::steady_clock::duration EventLoop::silent() {
+EventLoop::Silence EventLoop::silence() {
   const auto now = now_();
+  const auto busy = busy_time_of_thread(thread_id_);
   const std::lock_guard lock(ping_.mutex);
-  if (ping_.owed) return now - ping_.since;
+  if (ping_.owed) return {now - ping_.since, busy - ping_.busy};
   ping_.owed = true;
   ping_.since = now;
+  ping_.busy = busy;
   call_begins();
-  ping_.alarm.emplace();
-  ping_.alarm->Set(queue_.get(), gpr_now(GPR_CLOCK_MONOTONIC), &ping_);
-  return std::chrono::steady_clock::duration::zero();
+  post(ping_);
+  return {};
 }
 
 void EventLoop::Ping::ready(bool) {
@@ -105,6 +117,7 @@ bool EventLoop::next(Event*& event, bool& ok) {
 
 void EventLoop::run() {
   ::prctl(PR_SET_NAME, "event-loop");  // for ps and debuggers
+  thread_id_ = ::gettid();
   rested_ = now_();
   Event* event = nullptr;
   bool ok = false;

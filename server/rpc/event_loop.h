@@ -9,9 +9,9 @@
 // many wait, or when it has not rested for a while, so that it keeps reading.
 #pragma once
 
-#include <grpcpp/alarm.h>
 #include <grpcpp/completion_queue.h>
 
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <cstddef>
@@ -19,7 +19,6 @@
 #include <functional>
 #include <memory>
 #include <mutex>
-#include <optional>
 #include <thread>
 
 namespace sightline {
@@ -66,10 +65,16 @@ class EventLoop {
   // Brackets a call that may start operations; the loop waits for its end. From any thread.
   void call_begins();
   void call_ends();
+  // Delivers an event. From any thread, between the beginning and the end of a call.
+  void post(Event& event);
 
   // Asks the thread for a sign of life, unless it still owes one, and returns how long it has owed it. Called about once a second, the
   // result is less than a second unless an event or a task holds the thread up. From any thread, but not during the destruction.
-  std::chrono::steady_clock::duration silent();
+  struct Silence {
+    std::chrono::steady_clock::duration lasted{0};
+    std::chrono::nanoseconds busy{0};  // in which the thread ran or waited for a processor
+  };
+  Silence silence();
 
  private:
   // The sign of life.
@@ -77,10 +82,10 @@ class EventLoop {
     explicit Ping(EventLoop& of) : loop(of) {}
     void ready(bool ok) override;
     EventLoop& loop;
-    std::optional<grpc::Alarm> alarm;
     std::mutex mutex;
     bool owed = false;                              // guarded by mutex
     std::chrono::steady_clock::time_point since{};  // guarded by mutex
+    std::chrono::nanoseconds busy{0};               // of the thread until then; guarded by mutex
   };
 
   void run();
@@ -96,6 +101,7 @@ class EventLoop {
   bool after_long_rest_ = false;                    // the current event is the first one after a long rest
 
   Ping ping_{*this};
+  std::atomic<int> thread_id_{0};
 
   std::mutex mutex_;
   std::condition_variable none_left_;

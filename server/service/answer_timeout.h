@@ -9,31 +9,17 @@
 
 #include <grpcpp/support/server_interceptor.h>
 
-#include <atomic>
 #include <chrono>
 #include <memory>
 
-#include "server/rpc/event_loop.h"
+#include "server/rpc/timers.h"
 
 namespace sightline {
 
-// Made for one server. Thread-safe. It must outlive the server.
-class AnswerTimeout {
- public:
-  // A client that reads takes an answer within milliseconds.
-  static constexpr std::chrono::seconds kMostTime{5};
+// A client that reads takes an answer within milliseconds.
+constexpr std::chrono::seconds kMostTimeForAnswer{5};
 
-  // To be given to the server's builder.
-  std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface> interceptors();
-  // The loop that carries the timers. Called once, before the first call. It must have its last call before its server ends.
-  void use(EventLoop& loop) { loop_.store(&loop); }
-
- private:
-  class Timer;
-  class Watch;
-  class Factory;
-
-  std::atomic<EventLoop*> loop_{nullptr};
-};
+// To be given to the builder of a server, which `timers` must outlive.
+std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface> answer_timeouts(Timers& timers);
 
 }  // namespace sightline

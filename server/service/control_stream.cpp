@@ -88,6 +88,7 @@ ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& lim
       parsers_(helpers.parsers),
       claimers_(helpers.claimers),
       kept_(helpers.kept),
+      timers_(helpers.timers),
       client_(reader.client),
       share_(helpers.messages.of(client_)),
       max_message_bytes_(limits.max_message_bytes),
@@ -277,7 +278,7 @@ void ControlStream::on_alarm(bool ran_out) {
 
 void ControlStream::set_alarm(std::chrono::milliseconds timeout) {
   alarm_set_ = true;
-  start_alarm(timeout);
+  start_alarm(timers_, timeout);
 }
 
 // There is only one alarm, so that for silence ends first: on_alarm comes back here.

@@ -37,6 +37,7 @@
 #include "server/schedule/tick_pace.h"
 #include "server/gate/access.h"
 #include "server/rpc/call.h"
+#include "server/rpc/timers.h"
 #include "server/service/inbox.h"
 #include "server/service/incoming_message.h"
 #include "server/service/kept_sessions.h"
@@ -56,6 +57,7 @@ struct StreamHelpers {
   WorkerPool& claimers;  // of sessions to resume, which wait for no message
   MessageMemory& messages;
   KeptSessions& kept;
+  Timers& timers;
 };
 
 class ControlStream final : public ControlCall, public ResumableStream, public Scheduled, public ShortTask {
@@ -124,6 +126,7 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
   WorkerPool& parsers_;
   WorkerPool& claimers_;
   KeptSessions& kept_;
+  Timers& timers_;
   const std::string client_;
   const std::shared_ptr<MessageMemory::Share> share_;  // of its client, in the memory for messages
   const size_t max_message_bytes_, max_message_memory_;

@@ -1,10 +1,13 @@
 #include "server/service/listener.h"
 
+#include <grpc/grpc.h>
 #include <grpcpp/grpcpp.h>
 
 #include <algorithm>
+#include <future>
 #include <utility>
 
+#include "server/service/answer_timeout.h"
 #include "sightline/v1/camera_control.grpc.pb.h"
 
 namespace sightline {
@@ -16,6 +19,10 @@ constexpr size_t kRoomToRefuse = size_t{1} << 20;
 constexpr int kMaxCallsPerConnection = 1024;
 // Synchronous RPCs occupy one thread each.
 constexpr int kMaxThreads = 64;
+// A busy thread may be silent for so many times as long as one that waits for something.
+constexpr int kPatienceWithBusy = 6;
+// How often calls are cancelled that are still open after the server's end.
+constexpr std::chrono::milliseconds kCancelPeriod{100};
 
 // The sockets that the options name.
 Result<std::vector<ListeningSocket>> listening_sockets(const ListenOptions& options) {
@@ -64,6 +71,12 @@ void configure(grpc::ServerBuilder& builder, const ListenOptions& options) {
   builder.SetResourceQuota(quota.SetMaxThreads(kMaxThreads));
 }
 
+// A loop that works, or waits for a processor, is slow: a restart would end all sessions, and the next daemon would not be faster. It hangs only if it
+// works for ever.
+std::chrono::duration<double> weighed(const EventLoop::Silence& silence) {
+  return std::max<std::chrono::duration<double>>(silence.lasted - silence.busy, silence.lasted / kPatienceWithBusy);
+}
+
 }  // namespace
 
 Status Listener::check(const ListenOptions& options) {
@@ -94,7 +107,7 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
   builder.RegisterService(&listener->health_);
   listener->reflection_.register_at(builder);
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> interceptors;
-  interceptors.push_back(listener->answers_.interceptors());
+  interceptors.push_back(answer_timeouts(service.timers()));
   builder.experimental().SetInterceptorCreators(std::move(interceptors));
   using Acceptor = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
   std::shared_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor =
@@ -119,7 +132,6 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
     listener->loops_.push_back(std::make_unique<EventLoop>(std::move(queue)));
     service.take_calls(*listener->loops_.back());
   }
-  listener->answers_.use(*listener->loops_.front());
   listener->health_.limit_watches_by(options.max_health_watches,
                                      [gate = listener->gate_.get()](const grpc::ServerContext& context) { return gate->peer_of(context.peer()).client; },
                                      [&service] { service.limit_counts().hit(Limit::kHealthWatches); });
@@ -129,7 +141,7 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
     return caller ? grpc::Status::OK : caller.error();
   });
   listener->reflection_.limit_calls_to(options.max_reflection_calls, [&service] { service.limit_counts().hit(Limit::kReflectionCalls); });
-  listener->reflection_.take_calls(*listener->loops_.front(),
+  listener->reflection_.take_calls(*listener->loops_.front(), service.timers(),
                                     {v1::CameraControlService::service_full_name(), grpc::health::v1::Health::service_full_name()});
   listener->set_alive(true);
   listener->set_serving(true);
@@ -153,14 +165,22 @@ void Listener::set_alive(bool alive) {
 
 std::chrono::duration<double> Listener::loops_silent() const {
   std::chrono::duration<double> longest(0.0);
-  for (const auto& loop : loops_) longest = std::max<std::chrono::duration<double>>(longest, loop->silent());
+  for (const auto& loop : loops_) longest = std::max(longest, weighed(loop->silence()));
   return longest;
+}
+
+// Shutdown has a deadline of its own, for which gRPC waits by the wall clock (server/rpc/timers.h). A call that begins while the server shuts down
+// may slip through, so they are cancelled again and again.
+void Listener::shut_down(std::chrono::milliseconds grace) {
+  const std::future<void> down = std::async(std::launch::async, [this] { server_->Shutdown(); });
+  for (auto patience = grace; down.wait_for(patience) != std::future_status::ready; patience = kCancelPeriod)
+    grpc_server_cancel_all_calls(server_->c_server());
 }
 
 void Listener::stop(std::chrono::milliseconds grace) {
   gate_->stop_accepting();
   health_.end_watches();
-  server_->Shutdown(std::chrono::system_clock::now() + grace);
+  shut_down(grace);
   server_->Wait();
   loops_.clear();
 }

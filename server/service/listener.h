@@ -12,7 +12,6 @@
 #include "server/base/error.h"
 #include "server/gate/gate.h"
 #include "server/rpc/event_loop.h"
-#include "server/service/answer_timeout.h"
 #include "server/service/health.h"
 #include "server/service/reflection.h"
 #include "server/service/service.h"
@@ -62,21 +61,21 @@ class Listener {
   // What it answers for "liveness". It begins with SERVING.
   void set_alive(bool alive);
 
-  // How long the slowest event loop has owed a sign of life, and how long ago the slowest thread of the gate last went round. To be called about
+  // How long the slowest event loop has owed a sign of life (less if it was busy), and how long ago the slowest thread of the gate last went round. To be called about
   // once a second, from any thread, until `stop`.
   std::chrono::duration<double> loops_silent() const;
   std::chrono::duration<double> gate_silent() const { return std::chrono::duration<double>(gate_->silent_s()); }
-  // Takes no new calls, waits for the open ones, and cancels them after `grace`. Blocks. May be called again.
+  // Takes no new calls, waits for the open ones, and cancels them after `grace`. Blocks until the last one has ended. May be called again.
   void stop(std::chrono::milliseconds grace);
 
  private:
   Listener() = default;
+  void shut_down(std::chrono::milliseconds grace);
 
   // Every connection comes through it, so it exists before the first call.
   std::unique_ptr<Gate> gate_;
   HealthService health_;
   ReflectionService reflection_;
-  AnswerTimeout answers_;
   std::unique_ptr<grpc::Server> server_;
   std::vector<std::unique_ptr<EventLoop>> loops_;  // destroyed before server_, after it has shut down
   std::vector<std::string> addresses_;

@@ -2,8 +2,8 @@
 
 namespace sightline {
 
-ReadTimeout::ReadTimeout(grpc::ServerContext& context, std::chrono::milliseconds timeout)
-    : context_(context), timeout_(timeout), state_(std::make_shared<State>()) {}
+ReadTimeout::ReadTimeout(Timers& timers, grpc::ServerContext& context, std::chrono::milliseconds timeout)
+    : timers_(timers), context_(context), timeout_(timeout), state_(std::make_shared<State>()) {}
 
 ReadTimeout::~ReadTimeout() {
   end();
@@ -11,10 +11,9 @@ ReadTimeout::~ReadTimeout() {
 
 void ReadTimeout::begin() {
   const uint64_t turn = take_turn();
-  alarm_.emplace();
-  alarm_->Set(std::chrono::system_clock::now() + timeout_, [state = state_, context = &context_, turn](bool went_off) {
+  timer_ = timers_.start(timeout_, [state = state_, context = &context_, turn] {
     const std::lock_guard lock(state->mutex);
-    if (!went_off || state->turns != turn) return;
+    if (state->turns != turn) return;
     state->ran_out = true;
     context->TryCancel();
   });
@@ -22,7 +21,8 @@ void ReadTimeout::begin() {
 
 void ReadTimeout::end() {
   take_turn();
-  alarm_.reset();
+  if (timer_) timers_.cancel(*timer_);
+  timer_.reset();
 }
 
 uint64_t ReadTimeout::take_turn() {

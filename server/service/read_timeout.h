@@ -1,10 +1,6 @@
 // Ends a call of gRPC's synchronous API whose client sends nothing: its handler waits in Read, which takes no deadline.
-//
-// The timer is a grpc::Alarm. It does not use gRPC's callback API for calls, which no part of the daemon may use
-// (server/README.md says why).
 #pragma once
 
-#include <grpcpp/alarm.h>
 #include <grpcpp/server_context.h>
 
 #include <chrono>
@@ -13,12 +9,14 @@
 #include <mutex>
 #include <optional>
 
+#include "server/rpc/timers.h"
+
 namespace sightline {
 
-// The timer of one call, used on its handler's thread. `context` must outlive it.
+// The time limit of one call, used on its handler's thread. The arguments must outlive it.
 class ReadTimeout {
  public:
-  ReadTimeout(grpc::ServerContext& context, std::chrono::milliseconds timeout);
+  ReadTimeout(Timers& timers, grpc::ServerContext& context, std::chrono::milliseconds timeout);
   ~ReadTimeout();
   ReadTimeout(const ReadTimeout&) = delete;
   ReadTimeout& operator=(const ReadTimeout&) = delete;
@@ -31,20 +29,21 @@ class ReadTimeout {
   bool ran_out() const;
 
  private:
-  // Shared with the alarm, which can go off while it is being stopped.
+  // Shared with the timer, which can run out while it is being stopped.
   struct State {
     std::mutex mutex;
     // Guarded by mutex.
-    uint64_t turns = 0;  // number of starts and stops; an alarm of an older turn is ignored
+    uint64_t turns = 0;  // number of starts and stops; a timer of an older turn is ignored
     bool ran_out = false;
   };
 
   uint64_t take_turn();
 
+  Timers& timers_;
   grpc::ServerContext& context_;
   const std::chrono::milliseconds timeout_;
   const std::shared_ptr<State> state_;
-  std::optional<grpc::Alarm> alarm_;
+  std::optional<Timers::Timer> timer_;
 };
 
 }  // namespace sightline

@@ -4,6 +4,7 @@
 #include <google/protobuf/descriptor.pb.h>
 
 #include <memory>
+#include <optional>
 #include <set>
 #include <utility>
 
@@ -114,7 +115,7 @@ class ReflectionService::Call final : public ReflectionCall<typename Version::Re
  public:
   using typename Base::Incoming;
 
-  Call(EventLoop& loop, std::unique_ptr<Incoming> incoming, ReflectionService& service)
+  Call(EventLoop& loop, Timers& timers, std::unique_ptr<Incoming> incoming, ReflectionService& service)
       : Base(loop, std::move(incoming)), service_(service) {
     const grpc::Status admitted = service_.admit_(this->incoming().context);
     if (++service_.open_ > service_.most_calls_) {
@@ -124,7 +125,7 @@ class ReflectionService::Call final : public ReflectionCall<typename Version::Re
       finish(admitted);
     } else {
       start_read(request_);
-      start_alarm(kMostTime);
+      start_alarm(timers, kMostTime);
     }
   }
 
@@ -174,22 +175,22 @@ void ReflectionService::register_at(grpc::ServerBuilder& builder) {
   builder.RegisterService(&v1alpha_);
 }
 
-void ReflectionService::take_calls(EventLoop& loop, std::vector<std::string> services) {
+void ReflectionService::take_calls(EventLoop& loop, Timers& timers, std::vector<std::string> services) {
   services_ = std::move(services);
   services_.insert(services_.end(), {V1::Service::service_full_name(), V1Alpha::Service::service_full_name()});
-  take_calls_of<V1>(v1_, loop);
-  take_calls_of<V1Alpha>(v1alpha_, loop);
+  take_calls_of<V1>(v1_, loop, timers);
+  take_calls_of<V1Alpha>(v1alpha_, loop, timers);
 }
 
 template <typename Version>
-void ReflectionService::take_calls_of(typename Version::Service::AsyncService& service, EventLoop& loop) {
+void ReflectionService::take_calls_of(typename Version::Service::AsyncService& service, EventLoop& loop, Timers& timers) {
   using Incoming = typename Call<Version>::Incoming;
   const auto ask = [&](Incoming& incoming, void* tag) {
     service.RequestServerReflectionInfo(&incoming.context, &incoming.responder, &loop.queue(), &loop.server_queue(), tag);
   };
-  CallAcceptor<Incoming>::start(loop, ask, [this, &service, &loop](std::unique_ptr<Incoming> incoming) {
-    take_calls_of<Version>(service, loop);
-    new Call<Version>(loop, std::move(incoming), *this);
+  CallAcceptor<Incoming>::start(loop, ask, [this, &service, &loop, &timers](std::unique_ptr<Incoming> incoming) {
+    take_calls_of<Version>(service, loop, timers);
+    new Call<Version>(loop, timers, std::move(incoming), *this);
   });
 }
 

@@ -17,6 +17,7 @@
 #include "grpc/reflection/v1/reflection.grpc.pb.h"
 #include "grpc/reflection/v1alpha/reflection.grpc.pb.h"
 #include "server/rpc/event_loop.h"
+#include "server/rpc/timers.h"
 
 namespace sightline {
 
@@ -37,8 +38,8 @@ class ReflectionService final {
     refused_ = std::move(refused);
   }
   // `loop` takes all calls from now until the server shuts down. `services` are the full names to be listed, beside those of
-  // both versions of this service.
-  void take_calls(EventLoop& loop, std::vector<std::string> services);
+  // both versions of this service. `timers` must outlive the loop.
+  void take_calls(EventLoop& loop, Timers& timers, std::vector<std::string> services);
 
  private:
   struct V1;
@@ -46,7 +47,7 @@ class ReflectionService final {
   template <typename Version>
   class Call;
   template <typename Version>
-  void take_calls_of(typename Version::Service::AsyncService& service, EventLoop& loop);
+  void take_calls_of(typename Version::Service::AsyncService& service, EventLoop& loop, Timers& timers);
 
   std::function<grpc::Status(const grpc::ServerContext&)> admit_ = [](const grpc::ServerContext&) { return grpc::Status::OK; };
   size_t most_calls_ = 16;

@@ -10,6 +10,7 @@
 
 #include "server/gate/gate.h"
 #include "server/rpc/event_loop.h"
+#include "server/rpc/timers.h"
 #include "server/service/callers.h"
 #include "server/service/control_stream.h"
 #include "server/service/parts.h"
@@ -27,6 +28,8 @@ class CameraControlService final
 
   // Decides who may call. The listener tells it about the gate.
   Callers& callers() { return callers_; }
+  // For the services beside this one.
+  Timers& timers() { return timers_; }
   // How often limits refused something, for the services beside this one.
   LimitCounts& limit_counts() { return parts_.stats.limits; }
   // Whether the daemon is ready, for its own statistics; until then it is. Called at most once, before the server starts.
@@ -54,7 +57,8 @@ class CameraControlService final
   WorkerPool parsers_{1};   // of large messages
   WorkerPool claimers_{1};  // of sessions to resume
   MessageMemory messages_{limits_.messages_memory};
-  const StreamHelpers helpers_{parsers_, claimers_, messages_, kept_};
+  Timers timers_;
+  const StreamHelpers helpers_{parsers_, claimers_, messages_, kept_, timers_};
   std::atomic<uint64_t> calls_{0};  // Control calls so far; numbers the sessions
   UploadPlaces uploads_;
   std::function<bool()> ready_ = [] { return true; };

@@ -72,7 +72,7 @@ grpc::Status load(const ServiceParts& parts, std::span<const std::byte> bytes, c
 }  // namespace
 
 grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::UploadSceneRequest>& reader,
-                          const ServiceParts& parts, const ServiceLimits& limits, UploadPlaces& places,
+                          const ServiceParts& parts, const ServiceLimits& limits, Timers& timers, UploadPlaces& places,
                           const std::string& client, v1::UploadSceneResponse& reply) {
   std::optional<UploadPlaces::Place> place;
   places.take(place, client, [&context] { context.TryCancel(); });
@@ -83,7 +83,7 @@ grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::U
                                 " at most of one client (--max-uploads)", kRetryDelay);
   }
   std::vector<std::byte> bytes;
-  ReadTimeout timeout(context, limits.upload_timeout);
+  ReadTimeout timeout(timers, context, limits.upload_timeout);
   if (grpc::Status status = collect(reader, limits, counts, timeout, *place, bytes); !status.ok()) return status;
   if (timeout.ran_out()) {
     counts.hit(Limit::kUploadTimeout);

@@ -6,6 +6,7 @@
 
 #include <string>
 
+#include "server/rpc/timers.h"
 #include "server/service/parts.h"
 #include "server/service/upload_places.h"
 #include "sightline/v1/scene.pb.h"
@@ -18,7 +19,7 @@ namespace sightline {
 // beside the others. A chunk or file that is too large is refused without a retry time. A call whose client sends nothing for
 // limits.upload_timeout, or that loses its place, ends as CANCELLED. `client` is the client's name.
 grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::UploadSceneRequest>& reader,
-                          const ServiceParts& parts, const ServiceLimits& limits, UploadPlaces& places,
+                          const ServiceParts& parts, const ServiceLimits& limits, Timers& timers, UploadPlaces& places,
                           const std::string& client, v1::UploadSceneResponse& reply);
 
 }  // namespace sightline

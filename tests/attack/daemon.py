@@ -20,13 +20,14 @@ HEALTH = "/grpc.health.v1.Health/"
 
 
 class Daemon:
-    """sightlined as a child process. `limits` are flags of prlimit: {"nofile": 1024}. Use it in a `with` statement."""
+    """sightlined as a child process. `limits` are flags of prlimit: {"nofile": 1024}; `environment` are further variables. Use it in a `with`
+    statement."""
 
     path = None  # of the program; the test's main sets it
     # Each daemon gets a control group with so much memory, as a container has; None: none does. A test's main sets it by `in_containers`.
     memory_limit_mib = None
 
-    def __init__(self, *arguments, limits=None, listen=("--listen", "127.0.0.1:0"), stderr=None, wait=True):
+    def __init__(self, *arguments, limits=None, listen=("--listen", "127.0.0.1:0"), stderr=None, wait=True, environment=None):
         self.group = MemoryCgroup(self.memory_limit_mib) if self.memory_limit_mib else None
         self.folder = tempfile.TemporaryDirectory(prefix="sightline-attack-")
         self.ready = pathlib.Path(self.folder.name, "ready")
@@ -38,7 +39,8 @@ class Daemon:
         # Programs set the limits, not a preexec_fn: that would fork, and gRPC's threads can make a fork of Python hang or crash.
         if limits:
             command = ["prlimit", *(f"--{name}={value}" for name, value in limits.items()), *command]
-        self.process = subprocess.Popen(self.group.inside(command) if self.group else command, stdout=subprocess.DEVNULL, stderr=self.stderr)
+        self.process = subprocess.Popen(self.group.inside(command) if self.group else command, stdout=subprocess.DEVNULL, stderr=self.stderr,
+                                        env={**os.environ, **(environment or {})})
         if wait:
             self.wait_until_ready()
 

@@ -29,11 +29,13 @@ sys.path.insert(0, options.stubs)
 import attacks  # noqa: E402
 import careless_files  # noqa: E402
 import foreign_frames  # noqa: E402
+import held_probes  # noqa: E402
 from daemon import Daemon, Healthy  # noqa: E402
 
 LIMIT_MS, SLACK = 33.0, 0.10
 attacks.ATTACK_S = options.seconds
-ATTACKS = attacks.ATTACKS + foreign_frames.ATTACKS + careless_files.ATTACKS
+ATTACKS = sorted(attacks.ATTACKS + foreign_frames.ATTACKS + held_probes.ATTACKS + careless_files.ATTACKS,
+                 key=lambda one: (int(str(one.number).rstrip("abcdefgh")), str(one.number)))
 
 
 def measured(one):
@@ -45,7 +47,8 @@ def measured(one):
             return {"number": one.number, "skipped": more["skip"]}, None
         stack = contextlib.ExitStack()
         where = {"listen": more["listen"]} if "listen" in more else {}
-        daemon = stack.enter_context(Daemon(*one.flags, *more.get("more", ()), limits=one.limits, stderr=more.get("stderr"), **where))
+        daemon = stack.enter_context(Daemon(*one.flags, *more.get("more", ()), limits=one.limits, stderr=more.get("stderr"),
+                                            environment=more.get("environment"), **where))
         daemon.recordings, daemon.files = more.get("recordings"), more.get("files")
         address = daemon.ready.read_text().split()[-1 if one.beside_is_another_client else 0]
         Healthy(address, 2).result()
@@ -87,7 +90,8 @@ def main():
     for figures, (daemon, stack, due) in waiting:
         time.sleep(max(0.0, due - time.monotonic()))
         rows.append(finished(figures, daemon, stack))
-    rows.sort(key=lambda row: (int(str(row["number"]).rstrip("abcdefgh")), str(row["number"])))
+    order = [one.number for one in ATTACKS]
+    rows.sort(key=lambda row: order.index(row["number"]))
     if options.out:
         with open(options.out, "w") as file:
             json.dump({"cpus": os.cpu_count(), "seconds": options.seconds, "after_s": options.after, "rows": rows}, file, indent=1)

@@ -61,5 +61,17 @@ TEST(ProcessFigures, TellTheTimeSinceTheStartAndTheTimeOfTheProcessor) {
   EXPECT_NEAR(after.start_s + after.uptime_s, now_s, 2.0) << "the kernel counts whole seconds of its start";
 }
 
+TEST(ProcessFigures, TheBusyTimeOfAThreadGrowsWhileItRuns) {
+  const auto before = busy_time_of_thread(::gettid());
+  const auto begin = std::chrono::steady_clock::now();
+  while (std::chrono::steady_clock::now() - begin < std::chrono::milliseconds(100)) {
+  }
+  EXPECT_GT(busy_time_of_thread(::gettid()) - before, std::chrono::milliseconds(50));
+}
+
+TEST(ProcessFigures, AThreadThatIsNotThereWasNeverBusy) {
+  EXPECT_EQ(busy_time_of_thread(0).count(), 0);
+}
+
 }  // namespace
 }  // namespace sightline

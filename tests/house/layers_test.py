@@ -56,7 +56,6 @@ LIBRARIES = [(re.compile(pattern), name, target) for pattern, name, target in (
     (r"benchmark/", "Google Benchmark", "benchmark::benchmark"),
     (r"btBullet", "Bullet", "PkgConfig::BULLET"),
     (r"prometheus/", "prometheus-cpp", "PkgConfig::PROMETHEUS"),
-    (r"civetweb\.h$", "civetweb", "civetweb::civetweb"),
     (r"systemd/", "systemd", "PkgConfig::SYSTEMD"),
 )]
 # The C++ library, and what Linux, glibc and the compiler bring.

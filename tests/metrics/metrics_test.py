@@ -510,22 +510,32 @@ class Health(unittest.TestCase):
 
     def hold(self, thread, name):
         with start("--stall-s", "1") as daemon:
-            try:
-                held = HeldThread(daemon.pid, thread)
-            except PermissionError:
-                self.skipTest("this process may not trace another one")
-            with held:
-                until(lambda: get(daemon.operators, "/livez")[0] == 503, "not alive")
-                self.assertEqual(get(daemon.operators, "/livez")[1], f"does not answer: {name}\n")
-                self.assertEqual(get(daemon.operators, "/readyz")[0], 503)
-                self.assertEqual(value(scrape(daemon.operators), "sightline_hanging_threads"), 1)
-                self.assertEqual(healthcheck("--address", daemon.address, "--live").returncode, 1)
-                daemon.wait_for_log("threads hang")
-            until(lambda: get(daemon.operators, "/livez")[0] == 200, "alive again")
-            until(lambda: healthcheck("--address", daemon.address).returncode == 0, "ready again")
+            self.hold_in(daemon, thread, name)
+
+    def hold_in(self, daemon, thread, name):
+        try:
+            held = HeldThread(daemon.pid, thread)
+        except PermissionError:
+            self.skipTest("this process may not trace another one")
+        with held:
+            until(lambda: get(daemon.operators, "/livez")[0] == 503, "not alive")
+            self.assertEqual(get(daemon.operators, "/livez")[1], f"does not answer: {name}\n")
+            self.assertEqual(get(daemon.operators, "/readyz")[0], 503)
+            self.assertEqual(value(scrape(daemon.operators), "sightline_hanging_threads"), 1)
+            self.assertEqual(healthcheck("--address", daemon.address, "--live").returncode, 1)
+            daemon.wait_for_log("threads hang")
+        until(lambda: get(daemon.operators, "/livez")[0] == 200, "alive again")
+        until(lambda: healthcheck("--address", daemon.address).returncode == 0, "ready again")
 
     def test_an_event_loop_that_hangs_fails_liveness(self):
         self.hold("event-loop", "event loop")
+
+    def test_timers_that_hang_fail_liveness(self):
+        # Something has to be due.
+        with start("--stall-s", "1", "--open-timeout-s", "0.5") as daemon, grpc.insecure_channel(daemon.address) as channel:
+            call = control(channel, iter(lambda: time.sleep(30), None))
+            self.hold_in(daemon, "timers", "timers")
+            call.cancel()
 
     def test_a_gate_that_hangs_fails_liveness(self):
         self.hold("relay", "gate")

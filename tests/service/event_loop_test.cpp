@@ -261,16 +261,44 @@ TEST_F(EventLoopTest, SaysForHowLongItHasNotAnswered) {
     released.get_future().wait();
   });
   held.get_future().wait();
-  EXPECT_EQ(loop().silent(), Duration::zero()) << "it is asked only now";
+  EXPECT_EQ(loop().silence().lasted, Duration::zero()) << "it is asked only now";
   clock().advance(milliseconds(5));
-  EXPECT_EQ(loop().silent(), milliseconds(5));
+  EXPECT_EQ(loop().silence().lasted, milliseconds(5));
   clock().advance(milliseconds(2));
-  EXPECT_EQ(loop().silent(), milliseconds(7));
+  EXPECT_EQ(loop().silence().lasted, milliseconds(7));
   released.set_value();
   holds.wait();
   bool answers = false;
-  for (int i = 0; i < 10'000 && !answers; ++i, std::this_thread::sleep_for(milliseconds(1))) answers = loop().silent() == Duration::zero();
+  for (int i = 0; i < 10'000 && !answers; ++i, std::this_thread::sleep_for(milliseconds(1))) answers = loop().silence().lasted == Duration::zero();
   EXPECT_TRUE(answers) << "and is asked anew";
+}
+
+// What the thread does until it is let go tells a busy loop from one that hangs.
+EventLoop::Silence silence_of_a_loop_that(EventLoop& loop, const std::function<void(const std::atomic<bool>& let_go)>& does) {
+  std::promise<void> held;
+  std::atomic<bool> let_go{false};
+  Once holds(loop, [&] {
+    held.set_value();
+    does(let_go);
+  });
+  held.get_future().wait();
+  loop.silence();
+  std::this_thread::sleep_for(milliseconds(300));
+  const EventLoop::Silence silence = loop.silence();
+  let_go = true;
+  let_go.notify_all();
+  holds.wait();
+  return silence;
+}
+
+TEST_F(EventLoopTest, SaysForHowLongItWasBusyMeanwhile) {
+  const auto works = silence_of_a_loop_that(loop(), [](const auto& let_go) {
+    while (!let_go) {
+    }
+  });
+  EXPECT_GT(works.busy, milliseconds(200));
+  const auto waits = silence_of_a_loop_that(loop(), [](const auto& let_go) { let_go.wait(false); });
+  EXPECT_LT(waits.busy, milliseconds(100));
 }
 
 TEST_F(EventLoopTest, EndsOnlyAfterTheLastCall) {
