@@ -27,10 +27,11 @@ attack.Daemon.path = options.sightlined
 sys.path.insert(0, options.stubs)
 
 import attacks  # noqa: E402
+import legal_numbers  # noqa: E402
 from daemon import Daemon, Healthy  # noqa: E402
 
 LIMIT_MS, SLACK = 33.0, 0.10
-attacks.ATTACK_S = options.seconds
+attacks.ATTACK_S = legal_numbers.ATTACK_S = options.seconds
 
 
 def measured(one):
@@ -73,7 +74,7 @@ def finished(figures, daemon, stack):
 
 
 def main():
-    wanted = [one for one in attacks.ATTACKS if not options.only or one.number in options.only]
+    wanted = [one for one in attacks.ATTACKS + legal_numbers.ATTACKS if not options.only or one.number in options.only]
     rows, waiting = [], []
     for one in wanted:
         figures, running = measured(one)
