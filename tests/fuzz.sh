@@ -30,7 +30,7 @@ flags=(-std=c++20 -O1 -g -I. -DGLM_FORCE_DEPTH_ZERO_TO_ONE -DGLM_ENABLE_EXPERIME
        "-DSIGHTLINE_VERSION=\"fuzz\"" "-DSIGHTLINE_BUILD=\"fuzz\"")
 base=(server/base/{camera,check,control_group,cpu_budget,error,hash,parallel,random,thread_pool,transform}.cpp)
 gate=(server/gate/{access,frame_watch,listening_socket,small_file}.cpp)
-session=(server/{scene,bound,aggregate,move,step,session}/*.cpp server/sample/{depth_map,extent,plan}.cpp server/settings/rules.cpp
+session=(server/{scene,bound,aggregate,move,step,session}/*.cpp server/sample/{depth_map,extent,plan}.cpp server/sample/embree_*.cpp server/settings/rules.cpp
          server/wire/*.cpp server/service/session_budget.cpp "${base[@]}")
 
 # compile SOURCE...: the object of each source that has changed, or one of whose headers has, two at a time. The method of a step is built
@@ -99,7 +99,7 @@ for target in "${targets[@]}"; do
       run config tests/fuzz/corpus/config 4096 ;;
     control)
       generate
-      build control tests/fuzz/control_fuzz.cpp "-lprotobuf -ltinygltf -ldraco -lmeshoptimizer -lxxhash -lcrypto" "${session[@]}" \
+      build control tests/fuzz/control_fuzz.cpp "-lprotobuf -lembree3 -ltinygltf -ldraco -lmeshoptimizer -lxxhash -lcrypto" "${session[@]}" \
         "$out"/generated/server/{settings,wire}/*.cpp $(find "$out/proto" -name '*.pb.cc')
       run control tests/fuzz/corpus/control 8192 ;;
     delta)

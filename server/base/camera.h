@@ -18,7 +18,7 @@ struct CameraState {
 struct Lens {
   double vertical_fov_rad = 0.6981317007977318;  // full angle, (0.01, 3.0); default 40 degrees
   double aspect = 16.0 / 9.0;                    // width / height, [0.1, 10]
-  double near_m = 0.1;                           // (0, 10]
+  double near_m = 0.1;                           // [1e-6, 10]
 };
 
 // Half of the horizontal field of view, radians.

@@ -4,6 +4,32 @@
 #include <cmath>
 
 namespace sightline {
+namespace {
+
+// Nothing that a target is seen from lies farther away; Embree's own limit is 1.8e18.
+constexpr double kFarthestEyeM = 1e12;
+// A direction is one unit deep, so even the widest window is far narrower.
+constexpr double kLongestDirection = 1e6;
+
+// False for NaN.
+bool is_within(const glm::dvec3& v, double most) {
+  return std::abs(v.x) <= most && std::abs(v.y) <= most && std::abs(v.z) <= most;
+}
+
+// The other directions lie between the two.
+bool is_castable(const MapRequest& request) {
+  const MapView& view = request.view;
+  return is_within(view.eye_m, kFarthestEyeM) && is_within(texel_direction(view, 0, 0), kLongestDirection) &&
+         is_within(texel_direction(view, view.width - 1, view.height - 1), kLongestDirection) && request.far_m >= 0 && view.near_m >= 0 &&
+         std::isfinite(request.ahead_s);
+}
+
+}  // namespace
+
+Status check_castable(std::span<const MapRequest> requests) {
+  if (std::ranges::all_of(requests, is_castable)) return {};
+  return fail(ErrorCode::kInternal, "", "a depth map was planned from a place, or in a direction, that is not a finite number");
+}
 
 glm::dvec3 texel_direction(const MapView& view, int x, int y) {
   const double u = (x + view.jitter.x) / view.width, v = (y + view.jitter.y) / view.height;

@@ -13,6 +13,7 @@
 #include <span>
 #include <vector>
 
+#include "server/base/error.h"
 #include "server/base/transform.h"
 
 namespace sightline {
@@ -63,6 +64,10 @@ struct MapRequest {
   std::span<const uint32_t> ignored_slots =
       {};  // ascending mirror slots of instances to leave out; must outlive the call
 };
+
+// Samplers compute in single precision, and Embree ends the process for a ray that is not finite or far beyond any scene. So every sampler
+// refuses such requests before it casts a ray or draws: kInternal, since the sizes that a client may send (session/checks.h) lead to none.
+Status check_castable(std::span<const MapRequest> requests);
 
 // Row-major from the bottom row: texel (x, y) is at y * width + x.
 struct DepthMap {

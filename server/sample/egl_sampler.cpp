@@ -157,9 +157,12 @@ void SharedEglDevice::take_all(std::span<TakeJob> jobs) {
   EglSampler& first = static_cast<EglSampler&>(*jobs.front().sampler);
   first.batch.clear();
   for (TakeJob& job : jobs)
-    first.batch.push_back(static_cast<EglSampler&>(*job.sampler).begin(*job.mirror, job.requests, *job.maps));
+    if (job.taken = check_castable(job.requests); job.taken)
+      first.batch.push_back(static_cast<EglSampler&>(*job.sampler).begin(*job.mirror, job.requests, *job.maps));
+  if (first.batch.empty()) return;
   const Status taken = first.take(first.batch);
   for (TakeJob& job : jobs) {
+    if (!job.taken) continue;
     job.taken = taken;
     if (taken) static_cast<EglSampler&>(*job.sampler).count(job.requests.size());
   }
@@ -212,6 +215,7 @@ MapJob EglSampler::begin(const SceneMirror& mirror, std::span<const MapRequest> 
 
 Status EglSampler::take(const SceneMirror& mirror, std::span<const MapRequest> requests,
                         std::vector<DepthMap>& maps) {
+  if (Status castable = check_castable(requests); !castable) return castable;
   const MapJob job = begin(mirror, requests, maps);
   const Status taken = take({&job, 1});
   if (taken) count(requests.size());

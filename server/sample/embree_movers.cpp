@@ -118,6 +118,9 @@ void EmbreeMovers::find(const SceneMirror& mirror, const MapRequest& request, co
     if (std::binary_search(request.ignored_slots.begin(), request.ignored_slots.end(), slots_[i])) continue;
     const Affine world_from_instance = world_from_instance_ahead(instance, request.ahead_s);
     const Affine instance_from_world = inverse(world_from_instance);
+    const glm::dvec3 eye_in_instance = transform_point(instance_from_world, eye_m);
+    // The mirror takes no instance so small that this could be (is_valid_linear).
+    if (!is_traceable(eye_in_instance, glm::vec3(0.0f))) continue;
     NearMover& mover = near.emplace_back();
     mover.slot = slots_[i];
     mover.bottom = bottoms_[i].get();
@@ -125,7 +128,7 @@ void EmbreeMovers::find(const SceneMirror& mirror, const MapRequest& request, co
     const float distance_m = glm::length(mover.center_from_eye_m);
     mover.radius_m = radius_m_[i] + kRounding * (radius_m_[i] + distance_m);
     mover.nearest_m = distance_m - mover.radius_m;
-    mover.eye_in_instance = glm::vec3(transform_point(instance_from_world, eye_m));
+    mover.eye_in_instance = glm::vec3(eye_in_instance);
     mover.instance_from_world = glm::mat3(glm::mat4x3(instance_from_world));
   }
   std::sort(near.begin(), near.end(), [](const NearMover& a, const NearMover& b) {

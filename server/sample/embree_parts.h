@@ -4,6 +4,7 @@
 #include <embree3/rtcore.h>
 
 #include <atomic>
+#include <cmath>
 #include <glm/glm.hpp>
 #include <memory>
 #include <mutex>
@@ -23,6 +24,15 @@ struct EmbreeReleaser {
 using DeviceHandle = std::unique_ptr<RTCDevice, EmbreeReleaser<RTCDevice, rtcReleaseDevice>>;
 using SceneHandle = std::unique_ptr<RTCScene, EmbreeReleaser<RTCScene, rtcReleaseScene>>;
 using GeometryHandle = std::unique_ptr<RTCGeometry, EmbreeReleaser<RTCGeometry, rtcReleaseGeometry>>;
+
+// Embree asserts that rays stay below 1.8e18; no scene reaches a billionth of it. False for NaN.
+inline bool is_traceable(const glm::dvec3& origin_m, const glm::vec3& direction) {
+  const auto is_near = [](const glm::dvec3& v) {
+    constexpr double kMost = 1e18;
+    return std::abs(v.x) <= kMost && std::abs(v.y) <= kMost && std::abs(v.z) <= kMost;
+  };
+  return is_near(origin_m) && is_near(direction);
+}
 
 // A committed scene of one geometry's triangles. `vertices` and `indices` point into Embree's own buffers.
 struct BottomScene {

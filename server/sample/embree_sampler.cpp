@@ -25,6 +25,7 @@ class EmbreeSampler final : public Sampler {
   }
 
   Status take(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) override {
+    if (Status castable = check_castable(requests); !castable) return castable;
     maps.resize(requests.size());
     // Builds what is new to the device once; the other threads find it.
     takers_[0]->take_in(mirror);

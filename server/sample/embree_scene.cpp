@@ -21,15 +21,6 @@ glm::vec3 transform_normal(const glm::mat3& linear, const glm::vec3& normal) {
   return glm::dot(linear[0], cofactor[0]) < 0 ? -out : out;
 }
 
-// Embree asserts that rays stay below 1.8e18; no scene reaches a billionth of it. False for NaN.
-bool is_traceable(const glm::dvec3& origin_m, const glm::vec3& direction) {
-  const auto is_near = [](const glm::dvec3& v) {
-    constexpr double kMost = 1e18;
-    return std::abs(v.x) <= kMost && std::abs(v.y) <= kMost && std::abs(v.z) <= kMost;
-  };
-  return is_near(origin_m) && is_near(direction);
-}
-
 // False if a ray with this filter can hit nothing of `top`.
 bool can_hit(const TopScene& top, const RayFilter& filter) {
   return !top.entries.empty() && (filter.only_slot == UINT32_MAX || top.holds(filter.only_slot));

@@ -137,7 +137,7 @@ double sample_extent(const RayCaster& caster, const ExtentView& view, CounterRan
   const Geometry& geometry = caster.geometry();
   Followed followed;
   double frame_m2 = 0;
-  if (geometry.triangle_count() > 0) {
+  if (geometry.triangle_count() > 0 && geometry.radius_m > 0) {
     const Picture picture(geometry, view);
     frame_m2 = picture.frame_area_m2();
     if (const auto start = first_point(caster, picture, random))

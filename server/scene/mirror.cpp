@@ -14,6 +14,8 @@ namespace {
 constexpr double kUnitTolerance = 1e-3;
 constexpr double kMaxLinearEntry = 1e6;
 constexpr double kMinAxisLength = 1e-9;
+// A place that is 1e10 m away is then within 1e18 m in the frame of the instance, which Embree can compute with.
+constexpr double kMaxInverseEntry = 1e8;
 
 uint64_t next_identity() {
   static std::atomic<uint64_t> next{1};
@@ -35,6 +37,12 @@ Status check_pose(const Pose& pose, const std::string& field) {
   if (!rotation_is_valid(pose.rotation))
     return invalid(field + ".rotation", "must be a unit quaternion (length within 1e-3 of 1)");
   return {};
+}
+
+// How far the geometry lies from the instance's origin at most.
+double reach_of(const Geometry& geometry, const glm::dmat3& linear) {
+  const Affine map(linear[0], linear[1], linear[2], glm::dvec3(0.0));
+  return glm::length(transform_point(map, geometry.center)) + geometry.radius_m * max_stretch(map);
 }
 
 Status check_attributes(const InstanceAttributes& attributes, const std::string& field) {
@@ -86,7 +94,12 @@ bool is_valid_linear(const glm::dmat3& linear) {
     volume_at_most *= length;
   }
   // Relative to the volume of a box with such edges, so that small is not taken for flat.
-  return std::abs(glm::determinant(linear)) > 1e-9 * volume_at_most;
+  if (!(std::abs(glm::determinant(linear)) > 1e-9 * volume_at_most)) return false;
+  const glm::dmat3 inverse = glm::inverse(linear);
+  for (int column = 0; column < 3; ++column)
+    for (int row = 0; row < 3; ++row)
+      if (!(std::abs(inverse[column][row]) <= kMaxInverseEntry)) return false;
+  return true;
 }
 
 struct SceneMirror::Pending {
@@ -173,8 +186,9 @@ Status SceneMirror::check_add(const NewInstance& instance, const std::string& fi
   if (!instance.geometry) return invalid(field + ".geometry", "is missing");
   if (Status ok = check_pose(instance.pose, field + ".pose"); !ok) return ok;
   if (!is_valid_linear(instance.linear))
-    return invalid(field + ".linear",
-                   "must be finite and invertible, no entry beyond 1e6, no axis shorter than 1e-9");
+    return invalid(field + ".linear", "must be finite and invertible, no entry beyond 1e6, and none of the inverse beyond 1e8");
+  if (const double reach_m = reach_of(*instance.geometry, instance.linear); !(reach_m <= kMaxCoordinateM))
+    return invalid(field + ".linear", "makes the instance too large: it must lie within 1e9 m of its own origin");
   return check_attributes(instance.attributes, field + ".attributes");
 }
 

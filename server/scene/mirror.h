@@ -58,8 +58,8 @@ glm::dvec3 travel_m(const Instance& instance, double ahead_s);
 Affine world_from_instance_ahead(const Instance& instance, double ahead_s);
 
 // An instance to be added. Requirements (otherwise kInvalidArgument with the field): geometry is not null; the pose is finite, with each
-// coordinate within kMaxCoordinateM and |rotation| within 1e-3 of 1 (the mirror normalises it); is_valid_linear(linear); opacity is in
-// [0, 1].
+// coordinate within kMaxCoordinateM and |rotation| within 1e-3 of 1 (the mirror normalises it); is_valid_linear(linear), and with it the
+// geometry lies within kMaxCoordinateM of the instance's origin; opacity is in [0, 1].
 struct NewInstance {
   uint64_t id = 0;
   std::shared_ptr<const Geometry> geometry;
@@ -69,8 +69,8 @@ struct NewInstance {
   bool moving = false;
 };
 
-// True when the map is finite and invertible. No entry may exceed 1e6, and no column may be shorter than 1e-9. The volume must
-// be at least 1e-9 of the volume of a box whose edges are as long as the columns.
+// True when the map is finite and invertible. No entry may exceed 1e6, and none of the inverse 1e8. The volume must be at least 1e-9 of
+// the volume of a box whose edges are as long as the columns.
 bool is_valid_linear(const glm::dmat3& linear);
 
 struct AttributeChange {

@@ -270,6 +270,7 @@ void SessionDriver::answer(Turn& turn, const Status& taken) {
   const auto answer = session_->finish_step(taken);
   if (!answer) {
     Error error = answer.error();
+    if (error.code == ErrorCode::kInternal) return end_by_defect(turn, error);
     error.message.insert(0, "the tick was applied, but its step failed: ");
     recording_.fault(sequence, "sample", to_string(answer.error()));
     if (error.code == ErrorCode::kResourceExhausted) counters_.hit(Limit::kMaxMaps);
@@ -288,6 +289,13 @@ void SessionDriver::answer(Turn& turn, const Status& taken) {
   camera_reply_to_proto(*answer, *session_, session_->diagnostics(), reply);
   recording_.reply(reply);
   recording_.memory(*session_);
+}
+
+// A step that made no finite numbers. The session's state may hold more of them, so the session ends, and no other does.
+void SessionDriver::end_by_defect(Turn& turn, const Error& error) {
+  parts_.log.error("session failed", {{"session", session_id_}, {"sequence", std::to_string(*stepping_)}, {"reason", error.message}});
+  recording_.fault(*stepping_, "session", error.message);
+  turn.end = grpc::Status(grpc::StatusCode::INTERNAL, "the step failed by a defect of the server, so the session ends: " + error.message);
 }
 
 void SessionDriver::reject(Turn& turn, const Error& error, uint64_t sequence) {

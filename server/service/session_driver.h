@@ -87,6 +87,7 @@ class SessionDriver {
   Status check_cost(const StepSettings& settings, std::span<const Target> targets, const char* field);
   void note_step_control(const v1::StepControl& step);
   void answer(Turn& turn, const Status& taken);
+  void end_by_defect(Turn& turn, const Error& error);
   void reject(Turn& turn, const Error& error, uint64_t sequence);
   void log_level_change(int former_level) const;
 

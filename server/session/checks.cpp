@@ -12,7 +12,8 @@
 namespace sightline {
 namespace {
 
-constexpr double kMaxWeight = 1e6;
+constexpr double kMinWeight = 1e-6, kMaxWeight = 1e6;
+constexpr double kMinNearM = 1e-6, kMaxNearM = 10.0;
 constexpr double kUnitTolerance = 1e-3;
 constexpr double kMinFovRad = 0.01, kMaxFovRad = 3.0;
 
@@ -34,14 +35,20 @@ Status check_known(const std::vector<uint64_t>& named, const IdsAfter& ids, cons
   return {};
 }
 
+// An offset in the frame of an instance, which exists, with the instance's scale.
+glm::dvec3 scaled(const glm::dvec3& offset_m, uint64_t id, const IdsAfter& ids) {
+  const NewInstance* added = ids.added(id);
+  return (added ? added->linear : ids.staying(id)->linear) * offset_m;
+}
+
 Status check_target(const Target& target, const IdsAfter& ids, const std::string& field) {
   if (!ids.contains(target.instance_id))
     return fail(ErrorCode::kNotFound, field + ".id",
                 "no instance has the id " + std::to_string(target.instance_id));
   const std::string weight = field + ".weight";
-  if (Status ok = check_range(weight.c_str(), target.weight, 0.0, kMaxWeight); !ok) return ok;
-  if (target.aim_offset_m && !is_within(*target.aim_offset_m, kMaxCoordinateM))
-    return invalid(field + ".aim_offset", "each component must be finite and within 1e9 m");
+  if (Status ok = check_zero_or(weight.c_str(), target.weight, '[', kMinWeight, kMaxWeight, ']'); !ok) return ok;
+  if (target.aim_offset_m && !is_within(scaled(*target.aim_offset_m, target.instance_id, ids), kMaxCoordinateM))
+    return invalid(field + ".aim_offset", "each component must be finite and within 1e9 m, with the instance's scale");
   if (Status ok = check_known(target.attached_ids, ids, field + ".attached_ids"); !ok) return ok;
   if (Status ok = check_known(target.ignored_ids, ids, field + ".ignored_ids"); !ok) return ok;
   if (target.part_ids.size() > kMaxTargetParts)
@@ -137,7 +144,7 @@ Status check_lens(const Lens& lens, const std::string& field) {
                                                  number(lens.vertical_fov_rad) + " radians");
   const std::string aspect = field + ".aspect", near = field + ".near_m";
   if (Status ok = check_range(aspect.c_str(), lens.aspect, 0.1, 10.0); !ok) return ok;
-  return check_above(near.c_str(), lens.near_m, 0.0, 10.0);
+  return check_range(near.c_str(), lens.near_m, kMinNearM, kMaxNearM);
 }
 
 std::string client_field(const std::string& mirror_field) {

@@ -9,6 +9,8 @@ namespace sightline {
 namespace {
 
 constexpr double kRadiansPerDegree = std::numbers::pi / 180;
+// Farther from the client's origin, double precision no longer tells places 10 cm apart.
+constexpr double kFarthestOriginM = 1e15;
 
 Convention preset(const glm::dmat3& canonical_from_client, double metres_per_unit,
                   const glm::dvec3& camera_forward, const glm::dvec3& camera_up) {
@@ -93,7 +95,8 @@ Status validate(const Convention& c) {
   if (!is_axis(c.camera_forward)) return invalid("convention.custom.camera_forward", "must be an axis");
   if (!is_axis(c.camera_up) || glm::dot(c.camera_forward, c.camera_up) != 0)
     return invalid("convention.custom.camera_up", "must be an axis, and not along camera_forward");
-  if (!is_finite(c.origin_m)) return invalid("world_origin", "must be finite");
+  if (!(std::abs(c.origin_m.x) <= kFarthestOriginM && std::abs(c.origin_m.y) <= kFarthestOriginM && std::abs(c.origin_m.z) <= kFarthestOriginM))
+    return invalid("world_origin", "each coordinate must be finite and within 1e15 m");
   return {};
 }
 

@@ -35,7 +35,7 @@ Convention unreal_convention();
 // ros (x, y, z) = gltf (z, x, y): a glTF asset's front, +Z, is ROS's forward, +X.
 Convention ros_convention();
 // Fails (kInvalidArgument; field "convention.custom.<...>") unless the columns are a signed permutation,
-// forward and up are different axes, the scale is in range and the origin finite (field "world_origin").
+// forward and up are different axes, the scale is in range and the origin within 1e15 m (field "world_origin").
 Status validate(const Convention& convention);
 
 glm::dvec3 position_from_client(const Convention& c, const glm::dvec3& p_units);

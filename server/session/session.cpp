@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <tuple>
 #include <utility>
 
+#include "server/base/check.h"
+#include "server/session/answer_check.h"
 #include "server/step/quality_level.h"
 
 namespace sightline {
@@ -165,14 +166,11 @@ Status Session::check_clock(const TickInput& tick) const {
   if (ticked_ && tick.sequence <= sequence_)
     return invalid("tick.sequence", "must increase, got " + std::to_string(tick.sequence) + " after " +
                                         std::to_string(sequence_));
-  if (!std::isfinite(tick.time_s))
-    return invalid("tick.time_s", "must be finite, got " + std::to_string(tick.time_s));
+  if (!(std::abs(tick.time_s) <= kFarthestTimeS)) return check_range("tick.time_s", tick.time_s, -kFarthestTimeS, kFarthestTimeS);
   if (ticked_ && tick.time_s < time_s_)
     return invalid("tick.time_s", "must not go back, got " + std::to_string(tick.time_s) + " after " +
                                       std::to_string(time_s_));
-  if (tick.dt_s && !(*tick.dt_s >= 0 && std::isfinite(*tick.dt_s)))
-    return invalid("tick.dt_s", "must be finite and not negative, got " + std::to_string(*tick.dt_s));
-  return {};
+  return tick.dt_s ? check_range("tick.dt_s", *tick.dt_s, 0.0, kFarthestTimeS) : Status{};
 }
 
 Status Session::check_camera(const TickInput& tick) const {
@@ -203,7 +201,7 @@ Status Session::check_terms(const TickInput& tick) const {
 double Session::step_length_s(const TickInput& tick) const {
   const double dt_s = tick.dt_s ? *tick.dt_s : ticked_ ? tick.time_s - time_s_ : 0.0;
   if (dt_s < kShortestStepS) return 0.0;
-  return std::min(dt_s, std::numeric_limits<double>::max());  // two far times may lie infinitely far apart
+  return std::min(dt_s, kLongestStepS);
 }
 
 // Fills update_ for the mirror: the tick's transforms, completed by kept rotations and derived velocities.
@@ -262,7 +260,7 @@ void Session::commit(const TickInput& tick) {
   if (tick.settings) options_.settings = *tick.settings;
   if (tick.limits) options_.limits = *tick.limits;
   if (tick.targets || tick.settings || !tick.delta.empty()) take_extents();
-  pending_dt_s_ = std::min(pending_dt_s_ + dt_s, std::numeric_limits<double>::max());
+  pending_dt_s_ = std::min(pending_dt_s_ + dt_s, kLongestStepS);
   if (tick.observed_camera) observe(*tick.observed_camera, dt_s);
   ++pending_ticks_;
   newest_arrival_ns_ = tick.arrival_ns;
@@ -344,6 +342,7 @@ Result<SessionAnswer> Session::finish_step(const Status& taken) {
   answer.scene_ns = std::exchange(pending_scene_ns_, 0);
   pending_dt_s_ = 0.0;
   describe_relative(answer);
+  if (Status finite = check_finite(answer); !finite) return tl::unexpected(finite.error());
   return answer;
 }
 

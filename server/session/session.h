@@ -24,8 +24,12 @@ namespace sightline {
 // Greater speeds are refused, because their squares and products would leave a position no significant digit.
 inline constexpr double kMaxSentSpeedMps = 1e6;
 inline constexpr double kMaxSentTurnRadps = 1000.0;
+// Times and time steps that are greater are refused. Any count of nanoseconds in 64 bits is less.
+inline constexpr double kFarthestTimeS = 1e20;
 // A shorter dt counts as 0, because rates derived over it are noise.
 inline constexpr double kShortestStepS = 1e-6;
+// A longer dt, after the longest of pauses, counts as so long.
+inline constexpr double kLongestStepS = 1e6;
 // An instance whose positions imply a greater speed counts as teleported, and its derived velocity is 0. Clients send
 // the velocity of faster instances.
 inline constexpr double kTeleportSpeedMps = 100.0;
@@ -69,8 +73,8 @@ struct ObservedCamera {
 
 struct TickInput {
   uint64_t sequence = 0;       // greater than in every earlier tick; any number in the first
-  double time_s = 0.0;         // finite, never goes back
-  std::optional<double> dt_s;  // finite, >= 0; absent: time since the last tick, 0 for the first
+  double time_s = 0.0;         // within kFarthestTimeS, never goes back
+  std::optional<double> dt_s;  // [0, kFarthestTimeS]; absent: time since the last tick, 0 for the first
   // If `keeps_rotations`, the rotations of the transforms are ignored and the instances keep theirs.
   TransformUpdate transforms;
   bool keeps_rotations = false;
@@ -128,8 +132,9 @@ class Session {
   // body it may therefore touch a collider, which is flagged as `body_overlap`.
   Status apply(const TickInput& tick);
 
-  // One step for the newest applied tick; without a new one, a paused step. Fails only when the sampler does; the
-  // next step then covers the applied ticks. `quality_level`, [0, kLowestQualityLevel], is an input like the ticks,
+  // One step for the newest applied tick; without a new one, a paused step. Fails when the sampler does; the
+  // next step then covers the applied ticks. kInternal: a number of the step is not finite, which is a defect. Then the session must
+  // end, since its state may hold such numbers as well. `quality_level`, [0, kLowestQualityLevel], is an input like the ticks,
   // so the same levels give the same answers.
   Result<SessionAnswer> step(int quality_level = 0);
 

@@ -66,7 +66,7 @@ class Setting:
 
     def ends(self, owner):
         """The interval as C++: opening bracket, low, high, closing bracket."""
-        opening, low, high, closing = re.fullmatch(r"([\[(])(.+), (.+)([\])])", self.range).groups()
+        opening, low, high, closing = re.fullmatch(r"(?:0 or )?([\[(])(.+), (.+)([\])])", self.range).groups()
         value = lambda end: CONSTANTS.get(end, end if re.match(r"-?\d", end) else f"{owner}.{end}")
         return opening, value(low), value(high), closing
 
@@ -208,7 +208,8 @@ def check_text(struct):
             continue
         opening, low, high, closing = setting.ends("s")
         only_if = "" if setting.default else f"s.{setting.name} != 0 && "
-        check = f"check_interval(\"{path}\", s.{setting.name}, '{opening}', {low}, {high}, '{closing}')"
+        function = "check_zero_or" if setting.range.startswith("0 or ") else "check_interval"
+        check = f"{function}(\"{path}\", s.{setting.name}, '{opening}', {low}, {high}, '{closing}')"
         lines.append(f"  if (Status ok = {check}; {only_if}!ok) return ok;\n")
     lines += [f"  if (Status ok = validate(s.{name}); !ok) return ok;\n" for name, _ in struct.groups]
     return f"Status validate(const {struct.name}& s) {{\n{''.join(lines)}  return check_rules(s);\n}}\n\n"

@@ -14,6 +14,10 @@ Status check_rules(const CoherenceSettings& s) {
                            {s.visibility, s.view_angle, s.height, s.distance, s.screen});
 }
 
+Status check_rules(const MoveSettings& s) {
+  return check_range("settings.max_distance_m", s.max_distance_m, 1e-6, 10000.0);
+}
+
 Status check_rules(const FramingSettings& s) {
   const bool has_min = s.min_vertical_fov_rad != 0, has_max = s.max_vertical_fov_rad != 0;
   if (has_min == has_max) return {};

@@ -17,6 +17,8 @@ Status check_rules(const Group&) {
 Status check_rules(const CostWeights& weights);
 // At least one of the five weights is above 0.
 Status check_rules(const CoherenceSettings& settings);
+// The greatest distance is no tiny number, although the least one may be 0.
+Status check_rules(const MoveSettings& settings);
 // A zoom range has both ends or none.
 Status check_rules(const FramingSettings& settings);
 

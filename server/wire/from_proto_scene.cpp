@@ -16,6 +16,8 @@ constexpr double kMinSizeM = 1e-4, kMaxSizeM = 1e5;
 constexpr double kMinScale = 1e-4, kMaxScale = 1e4;
 constexpr double kMinUnitM = 1e-6, kMaxUnitM = 1e6;
 constexpr double kMaxOffsetM = 1e5;
+// Geometry is kept in single precision: a smaller shape, so far from its instance's origin, would lose its form.
+constexpr double kMinSizePerOffset = 1e-6;
 constexpr int kMaxParts = 64;
 constexpr char kAxisNames[] = "xyz";
 
@@ -108,6 +110,22 @@ Status read_offset(const v1::Shape& wire, const Convention& c, const std::string
   return {};
 }
 
+double least_size_m(const Shape& shape) {
+  if (const auto* box = std::get_if<BoxShape>(&shape)) return std::min({box->half_extent_m.x, box->half_extent_m.y, box->half_extent_m.z});
+  if (const auto* sphere = std::get_if<SphereShape>(&shape)) return sphere->radius_m;
+  if (const auto* capsule = std::get_if<CapsuleShape>(&shape)) return capsule->radius_m;
+  const auto& cylinder = std::get<CylinderShape>(shape);
+  return std::min(cylinder.radius_m, cylinder.half_height_m);
+}
+
+Status check_form(const Shape& shape, const glm::dvec3& offset_m, const std::string& field) {
+  const double offset = glm::length(offset_m), least_m = least_size_m(shape);
+  if (least_m >= kMinSizePerOffset * offset) return {};
+  char text[128];
+  std::snprintf(text, sizeof text, "must be at most 1e6 times the shape's least size, which is %g m, got %g m", least_m, offset);
+  return invalid(field, text);
+}
+
 // A shape that is no compound, turned by `rotation` (client) about its centre and moved by `body_m` beyond its own offset.
 Result<PlacedShape> read_part(const v1::Shape& wire, const glm::dquat& rotation, const glm::dvec3& body_m, const Convention& c,
                               const std::string& field) {
@@ -115,6 +133,7 @@ Result<PlacedShape> read_part(const v1::Shape& wire, const glm::dquat& rotation,
   if (!shape) return tl::unexpected(std::move(shape.error()));
   glm::dvec3 offset_m(0.0);
   if (Status ok = read_offset(wire, c, field, offset_m); !ok) return tl::unexpected(ok.error());
+  if (Status ok = check_form(*shape, body_m + offset_m, field + ".offset"); !ok) return tl::unexpected(ok.error());
   return PlacedShape{*shape, {body_m + offset_m, rotation_from_client(c, rotation)}};
 }
 

@@ -1,15 +1,16 @@
 // libFuzzer plays a client of one session: an opening, ticks and scene deltas in any order, as bytes of the wire, without a network. The
-// messages go the way that they go in the service: weighed, parsed, converted, applied, stepped, and answered. Depth maps come from a
-// sampler that makes them up, so that steps are short and see anything.
+// messages go the way that they go in the service: weighed, parsed, converted, applied, stepped, and answered. Depth maps come from Embree,
+// or from a sampler that makes them up, so that steps are short and see anything.
 //
 // An input is a list of messages, each with its length (two bytes) before it. The first byte of all has options: 1 prepares tables of the
 // targets' extents. With 2, a session of two boxes is open already and the messages are ticks alone, whose sequence and time the target counts:
-// hardly any input that the fuzzer changes at random still opens a session by itself.
+// hardly any input that the fuzzer changes at random still opens a session by itself. 4 takes the maps with Embree.
 
 #include <cmath>
 #include <cstdlib>
 #include <string>
 
+#include "server/sample/embree_sampler.h"
 #include "server/service/session_budget.h"
 #include "server/session/session.h"
 #include "server/wire/from_proto.h"
@@ -78,7 +79,7 @@ bool all_finite(const google::protobuf::Message& message) {
 
 class Client {
  public:
-  explicit Client(bool with_tables) : with_tables_(with_tables) {}
+  Client(bool with_tables, bool with_embree) : with_tables_(with_tables), with_embree_(with_embree) {}
 
   // Opens a session of two boxes, without bytes of the fuzzer.
   void open_usual() {
@@ -120,13 +121,18 @@ class Client {
     const SessionLimits limits{.session_bytes = 0, .max_step_cost_ms = kMostStepCostMs};
     if (!check_step_cost(options->settings, options->targets, limits, "open.settings")) return false;
     if (with_tables_) options->extents = &extents_;
-    auto opened = Session::open(std::move(*options), std::make_unique<MadeUpSampler>(), nullptr);
+    auto opened = Session::open(std::move(*options), make_sampler(), nullptr);
     if (!opened) return refused(opened.error(), nullptr, 0);
     session_ = std::move(*opened);
     v1::SessionOpened reply;
     opened_to_proto(*session_, reply);
     must(reply.instance_count() == session_->mirror().size() && reply.mirror_hash() == session_->mirror().hash());
     return true;
+  }
+
+  std::unique_ptr<Sampler> make_sampler() const {
+    static const auto embree = make_embree_sampler_device();
+    return with_embree_ ? embree->make_sampler() : std::make_unique<MadeUpSampler>();
   }
 
   void tick(const v1::Tick& request) {
@@ -160,7 +166,9 @@ class Client {
     applied_ = 0;
     v1::CameraReply reply;
     camera_reply_to_proto(*answer, *session_, session_->diagnostics(), reply);
-    must(all_finite(reply.pose()) && all_finite(reply.velocity()) && all_finite(reply.angular_velocity()));
+    // A map's distance is +infinity where there is no occluder.
+    reply.clear_depth_maps();
+    must(all_finite(reply));
     must(static_cast<size_t>(reply.targets_size()) == session_->targets().size());
     for (const v1::TargetVisibility& target : reply.targets()) must(target.visible_share() >= 0 && target.visible_share() <= 1);
     std::string memory;
@@ -177,7 +185,7 @@ class Client {
     return false;
   }
 
-  const bool with_tables_;
+  const bool with_tables_, with_embree_;
   GeometryStore store_;
   SceneLibrary library_{"", GltfLimits{}, store_};
   ExtentCache extents_;
@@ -207,7 +215,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   (void)quiet;
   ByteFeed feed(data, size);
   const uint8_t options = feed.byte();
-  Client client(options & 1);
+  Client client(options & 1, options & 4);
   if (options & 2) client.open_usual();
   while (!feed.empty()) {
     const auto bytes = feed.bytes(feed.take<uint16_t>());

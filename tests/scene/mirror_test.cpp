@@ -207,7 +207,9 @@ TEST_F(MirrorTest, OpacityMustBeAShare) {
 
 TEST_F(MirrorTest, LinearMustBeInvertibleAndFinite) {
   const glm::dmat3 flat(1, 0, 0, 0, 0, 0, 0, 0, 1), parallel(1, 1, 0, 2, 2, 0, 0, 0, 1), huge(1e7);
-  for (const glm::dmat3& bad : {flat, parallel, huge, glm::dmat3(NAN), glm::dmat3(0.0), glm::dmat3(1e-200)}) {
+  // Each column is long enough, but places far away would be 1e9 times as far in the frame of the instance.
+  const glm::dmat3 sheared(1, 0, 0, 1, 1e-9, 0, 0, 0, 10);
+  for (const glm::dmat3& bad : {flat, parallel, huge, glm::dmat3(NAN), glm::dmat3(0.0), glm::dmat3(1e-200), glm::dmat3(9e-9), sheared}) {
     NewInstance added = instance(7);
     added.linear = bad;
     expect_refused(adding({added}), {}, ErrorCode::kInvalidArgument, "add[0].linear");
@@ -215,6 +217,15 @@ TEST_F(MirrorTest, LinearMustBeInvertibleAndFinite) {
   for (const glm::dmat3& good :
        {glm::dmat3(1e-6), glm::dmat3(1e5), glm::dmat3(-1), glm::dmat3(1, 0, 0, 5, 1, 0, 0, 0, 1e-3)})
     EXPECT_TRUE(is_valid_linear(good));
+}
+
+TEST_F(MirrorTest, AnInstanceLiesWithin1e9MetresOfItsOrigin) {
+  NewInstance added = instance(7);
+  added.geometry = *build_geometry(*tessellate(SphereShape{1e5f}));
+  added.linear = glm::dmat3(1.1e4);
+  expect_refused(adding({added}), {}, ErrorCode::kInvalidArgument, "add[0].linear");
+  added.linear = glm::dmat3(0.9e4);
+  EXPECT_TRUE(mirror.apply(adding({added}), {}));
 }
 
 TEST_F(MirrorTest, AnInstanceNeedsGeometry) {

@@ -112,12 +112,12 @@ tuning::v1alpha1::FilterSettings& filter_of(tuning::v1alpha1::Tuning& tuning) {
   return *tuning.mutable_aggregate()->mutable_filter();
 }
 const BadValue kBadValues[] = {
-    {"tuning.aggregate.filter.alpha", "[0, 1]", [](auto&, auto& t, auto&) { filter_of(t).set_alpha(1.5); }},
-    {"tuning.aggregate.filter.alpha", "[0, 1]", [](auto&, auto& t, auto&) { filter_of(t).set_alpha(-0.1); }},
+    {"tuning.aggregate.filter.alpha", "0 or in [1e-06, 1]", [](auto&, auto& t, auto&) { filter_of(t).set_alpha(1.5); }},
+    {"tuning.aggregate.filter.alpha", "0 or in [1e-06, 1]", [](auto&, auto& t, auto&) { filter_of(t).set_alpha(-0.1); }},
     {"tuning.aggregate.filter.n", "[1, 64]", [](auto&, auto& t, auto&) { filter_of(t).set_n(0); }},
     {"tuning.aggregate.filter.n", "[1, 64]", [](auto&, auto& t, auto&) { filter_of(t).set_n(65); }},
-    {"tuning.aggregate.filter.window_s", "(0, 1]", [](auto&, auto& t, auto&) { filter_of(t).set_window_s(0); }},
-    {"tuning.aggregate.filter.hidden_threshold", "[0, 0.3]",
+    {"tuning.aggregate.filter.window_s", "[1e-06, 1]", [](auto&, auto& t, auto&) { filter_of(t).set_window_s(0); }},
+    {"tuning.aggregate.filter.hidden_threshold", "0 or in [1e-06, 0.3]",
      [](auto&, auto& t, auto&) { filter_of(t).set_visible_threshold(0.3), filter_of(t).set_hidden_threshold(0.4); }},
     {"tuning.aggregate.candidates", "[27, 32768]",
      [](auto&, auto& t, auto&) { t.mutable_aggregate()->set_candidates(UINT32_MAX); }},
@@ -129,7 +129,7 @@ const BadValue kBadValues[] = {
     {"tuning.bound.paper_n", "[1, 1e+06]", [](auto&, auto& t, auto&) { t.mutable_bound()->set_paper_n(0); }},
     {"tuning.sample.resolution", "[2, 64]", [](auto&, auto& t, auto&) { t.mutable_sample()->set_resolution(0); }},
     {"tuning.sample.points", "[0, 16]", [](auto&, auto& t, auto&) { t.mutable_sample()->set_points(17); }},
-    {"settings.prediction_s", "[0, 2]",
+    {"settings.prediction_s", "0 or in [1e-06, 2]",
      [](auto& s, auto&, auto&) { s.set_prediction_s(2.01); }},
     {"tuning.move.cost", "above 0",
      [](auto&, auto& t, auto&) {
@@ -140,16 +140,16 @@ const BadValue kBadValues[] = {
      [](auto& s, auto&, auto&) {
        s.set_min_distance_m(1), s.set_max_distance_m(1);
      }},
-    {"settings.framing_margin", "[0, 0.9]",
+    {"settings.framing_margin", "0 or in [1e-06, 0.9]",
      [](auto& s, auto&, auto&) { s.set_framing_margin(std::numeric_limits<double>::quiet_NaN()); }},
     {"settings.preset", "named values",
      [](auto& s, auto&, auto&) { s.set_preset(static_cast<v1::Settings::Preset>(7)); }},
-    {"limits.max_speed_mps", "(0, 1000]", [](auto&, auto&, auto& l) { l.set_max_speed_mps(-1); }},
-    {"limits.max_acceleration_mps2", "(0, 10000]", [](auto&, auto&, auto& l) { l.set_max_acceleration_mps2(0); }},
-    {"limits.max_angular_speed_radps", "(0, 100]", [](auto&, auto&, auto& l) { l.set_max_angular_speed_radps(-3); }},
-    {"limits.max_angular_acceleration_radps2", "(0, 1000]",
+    {"limits.max_speed_mps", "[1e-06, 1000]", [](auto&, auto&, auto& l) { l.set_max_speed_mps(-1); }},
+    {"limits.max_acceleration_mps2", "[1e-06, 10000]", [](auto&, auto&, auto& l) { l.set_max_acceleration_mps2(0); }},
+    {"limits.max_angular_speed_radps", "[1e-06, 100]", [](auto&, auto&, auto& l) { l.set_max_angular_speed_radps(-3); }},
+    {"limits.max_angular_acceleration_radps2", "[1e-06, 1000]",
      [](auto&, auto&, auto& l) { l.set_max_angular_acceleration_radps2(-12); }},
-    {"limits.body_radius_m", "[0, 10]", [](auto&, auto&, auto& l) { l.set_body_radius_m(-0.3); }},
+    {"limits.body_radius_m", "0 or in [1e-06, 10]", [](auto&, auto&, auto& l) { l.set_body_radius_m(-0.3); }},
 };
 
 TEST(ControlInput, ABadSettingOrLimitAtTheOpeningIsNamedWithItsRange) {

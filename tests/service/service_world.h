@@ -86,6 +86,7 @@ class ServiceWorld {
   // The number of times that the service has read the clock. While all steps are held it reads the clock only when a
   // message arrives.
   uint64_t clock_calls() const { return clock_calls_; }
+  uint64_t closed_with(grpc::StatusCode code) const { return stats_.closed[static_cast<size_t>(code)]; }
   size_t geometry_count() const { return geometry_.live_count(); }
   size_t table_count() const { return extents_.count(); }
 

@@ -84,6 +84,22 @@ TEST(Trouble, AnExceptionInAStepEndsItsSessionOnly) {
   EXPECT_TRUE(reply && reply->has_camera());
 }
 
+TEST(Trouble, AStepThatMakesNoFiniteNumbersEndsItsSessionOnly) {
+  ServiceWorld world;
+  Stream unlucky(world.channel()), other(world.channel());
+  unlucky.open(open_with_boxes(2));
+  other.open(open_with_boxes(2));
+  world.device.fail_next({ErrorCode::kInternal, "", "the camera's pose is not a finite number"});
+  unlucky.send(move_tick(1, 1, 0.1));
+  const grpc::Status status = unlucky.finish();
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::INTERNAL);
+  EXPECT_NE(status.error_message().find("the camera's pose is not a finite number"), std::string::npos) << status.error_message();
+  wait_until([&] { return world.closed_with(grpc::StatusCode::INTERNAL) == 1; });
+  other.send(move_tick(1, 1, 0.1));
+  const auto reply = other.read();
+  EXPECT_TRUE(reply && reply->has_camera());
+}
+
 TEST(Trouble, AStepThatFailsSaysThatItsTickWasApplied) {
   ServiceWorld world;
   Stream stream(world.channel());

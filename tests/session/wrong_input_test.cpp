@@ -48,6 +48,8 @@ const WrongTick kWrongTicks[] = {
     {"tick.dt_s", E::kInvalidArgument, [](Game&, TickMaker& t) { t.dt_s = -0.01; }},
     {"tick.dt_s", E::kInvalidArgument, [](Game&, TickMaker& t) { t.dt_s = kNan; }},
     {"tick.dt_s", E::kInvalidArgument, [](Game&, TickMaker& t) { t.dt_s = kInf; }},
+    {"tick.time_s", E::kInvalidArgument, [](Game&, TickMaker& t) { t.time_s = 1e120; }},
+    {"tick.dt_s", E::kInvalidArgument, [](Game&, TickMaker& t) { t.dt_s = 1e120; }},
     {"tick.transforms.ids[1]", E::kNotFound, [](Game&, TickMaker& t) { t.move(kAnn, {}).move(99, {}); }},
     {"tick.transforms.ids[1]", E::kInvalidArgument,
      [](Game&, TickMaker& t) { t.move(kAnn, {}).move(kAnn, {}); }},
@@ -101,6 +103,11 @@ const WrongTick kWrongTicks[] = {
        t.delta.add = {g.make(20, SphereShape{}, {})};
        t.delta.add[0].linear = glm::dmat3(0.0);
      }},
+    {"tick.delta.added_instances[0].scale", E::kInvalidArgument,
+     [](Game& g, TickMaker& t) {
+       t.delta.add = {g.make(20, SphereShape{1e5f}, {})};
+       t.delta.add[0].linear = glm::dmat3(2e4);
+     }},
     {"tick.delta.changed_instances[0].id", E::kNotFound,
      [](Game&, TickMaker& t) {
        t.delta.change = {{99, {}}};
@@ -119,6 +126,15 @@ const WrongTick kWrongTicks[] = {
      [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.weight = -1; })}; }},
     {"tick.targets.targets[0].weight", E::kInvalidArgument,
      [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.weight = kNan; })}; }},
+    {"tick.targets.targets[0].weight", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.weight = 1e-200; })}; }},
+    {"tick.targets.targets[0].aim_offset", E::kInvalidArgument,
+     [](Game& g, TickMaker& t) {  // within 1e9 m, but not with the scale
+       t.delta.add = {g.make(20, SphereShape{}, {})};
+       t.delta.add[0].linear = glm::dmat3(1e4);
+       t.targets = {Game::target(20)};
+       t.targets->front().aim_offset_m = glm::dvec3(1e6, 0, 0);
+     }},
     {"tick.targets.targets[0].aim_offset", E::kInvalidArgument,
      [](Game&, TickMaker& t) {
        t.targets = {broken_target([](Target& x) { x.aim_offset_m = glm::dvec3(0, 0, 1e10); })};
@@ -171,6 +187,7 @@ const WrongTick kWrongTicks[] = {
      [](Game&, TickMaker& t) { t.lens.emplace().vertical_fov_rad = 3; }},
     {"tick.lens.aspect", E::kInvalidArgument, [](Game&, TickMaker& t) { t.lens.emplace().aspect = 11; }},
     {"tick.lens.near_m", E::kInvalidArgument, [](Game&, TickMaker& t) { t.lens.emplace().near_m = 0; }},
+    {"tick.lens.near_m", E::kInvalidArgument, [](Game&, TickMaker& t) { t.lens.emplace().near_m = 1e-300; }},
     {"tick.lens", E::kInvalidArgument, [](Game&, TickMaker& t) { t.lens.emplace().near_m = 0.29; }},
     // These come with valid changes that would alter the answers if any of them were applied.
     {"tick.tuning.bound.horizon_s", E::kInvalidArgument,
@@ -194,6 +211,10 @@ const WrongTick kWrongTicks[] = {
      }},
     {"tick.limits.max_acceleration_mps2", E::kInvalidArgument,
      [](Game&, TickMaker& t) { otherwise_good(t), t.limits->max_acceleration_mps2 = -1; }},
+    {"tick.limits.max_jerk_mps3", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { otherwise_good(t), t.limits->max_jerk_mps3 = 1e-160; }},
+    {"tick.limits.max_acceleration_mps2", E::kInvalidArgument,
+     [](Game&, TickMaker& t) { otherwise_good(t), t.limits->max_acceleration_mps2 = 1e-300; }},
     {"tick.limits.body_radius_m", E::kInvalidArgument,
      [](Game&, TickMaker& t) { otherwise_good(t), t.limits->body_radius_m = 0.05; }},
     {"tick.transforms.ids[1]", E::kNotFound, [](Game&, TickMaker& t) { otherwise_good(t), t.move(99, {}); }},
@@ -270,6 +291,7 @@ void PrintTo(const WrongOpen& wrong, std::ostream* out) {
 const WrongOpen kWrongOpens[] = {
     {"open.convention.custom.metres_per_unit", E::kInvalidArgument,
      [](SessionOptions& o) { o.convention.metres_per_unit = 0; }},
+    {"open.world_origin", E::kInvalidArgument, [](SessionOptions& o) { o.convention.origin_m.z = 2e15; }},
     {"open.camera.position", E::kInvalidArgument, [](SessionOptions& o) { o.camera.position_m.x = kNan; }},
     {"open.camera.rotation", E::kInvalidArgument,
      [](SessionOptions& o) {
@@ -290,6 +312,8 @@ const WrongOpen kWrongOpens[] = {
      [](SessionOptions& o) { o.settings.sample.resolution = 65; }},
     {"open.tuning.aggregate.candidates", E::kInvalidArgument,
      [](SessionOptions& o) { o.settings.aggregate.candidates = 26; }},
+    {"open.settings.max_distance_m", E::kInvalidArgument,
+     [](SessionOptions& o) { o.settings.move.min_distance_m = 0, o.settings.move.max_distance_m = 1e-9; }},
     {"open.settings.max_distance_m", E::kInvalidArgument,
      [](SessionOptions& o) { o.settings.move.max_distance_m = 0.5; }},
     {"open.settings.framing_margin", E::kInvalidArgument,

@@ -18,7 +18,7 @@ using google::protobuf::FieldDescriptor;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 struct Range {
-  bool low_open = false, high_open = false;
+  bool or_zero = false, low_open = false, high_open = false;
   double low = 0, high = 0;
 };
 
@@ -37,9 +37,11 @@ double end_of(const FoundSetting& setting, const std::string& text) {
 }
 
 Range range_of(const FoundSetting& setting) {
-  const std::string& text = setting.annotation.range();
+  std::string text = setting.annotation.range();
+  const bool or_zero = text.starts_with("0 or ");
+  if (or_zero) text.erase(0, std::string("0 or ").size());
   const size_t comma = text.find(", ");
-  return {text.front() == '(', text.back() == ')', end_of(setting, text.substr(1, comma - 1)),
+  return {or_zero, text.front() == '(', text.back() == ')', end_of(setting, text.substr(1, comma - 1)),
           end_of(setting, text.substr(comma + 2, text.size() - comma - 3))};
 }
 
@@ -84,7 +86,12 @@ TEST(SettingRanges, EverySettingIsKeptInItsRange) {
     std::vector<double> wrong{range.high + step};
     if (range.low_open) wrong.push_back(range.low);
     if (range.high_open) wrong.push_back(range.high);
-    if (!whole || range.low >= 1) wrong.push_back(range.low - step);
+    if (range.or_zero) {
+      EXPECT_NE(refused_with(setting.path, 0.0), setting.path);
+      wrong.insert(wrong.end(), {-step, range.low / 2, std::numeric_limits<double>::denorm_min()});
+    } else if (!whole || range.low >= 1) {
+      wrong.push_back(std::min(range.low - step, std::nextafter(range.low, -kInfinity)));
+    }
     if (!whole) wrong.insert(wrong.end(), {std::nan(""), kInfinity, -kInfinity});
     for (const double value : wrong) EXPECT_EQ(refused_with(setting.path, value), setting.path) << value;
   });

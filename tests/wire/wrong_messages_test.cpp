@@ -120,6 +120,16 @@ const WrongOpen kWrongOpens[] = {
      [](v1::OpenSession& o) { first(o).mutable_shape()->Clear(); }},
     {"open.instances[0].shape.offset.y", E::kInvalidArgument,
      [](v1::OpenSession& o) { first(o).mutable_shape()->mutable_offset()->set_y(2e5); }},
+    {"open.instances[0].shape.offset", E::kInvalidArgument,
+     [](v1::OpenSession& o) {  // single precision would make it a point
+       first(o).mutable_shape()->mutable_sphere()->set_radius(1e-3);
+       first(o).mutable_shape()->mutable_offset()->set_y(1e5);
+     }},
+    {"open.instances[0].shape.compound.parts[0].shape.offset", E::kInvalidArgument,
+     [](v1::OpenSession& o) {
+       first(o).mutable_shape()->mutable_compound()->add_parts()->mutable_shape()->mutable_sphere()->set_radius(1e-3);
+       first(o).mutable_shape()->mutable_offset()->set_x(1e5);
+     }},
     {"open.instances[0].shape.compound.parts", E::kInvalidArgument,
      [](v1::OpenSession& o) { first(o).mutable_shape()->mutable_compound(); }},
     {"open.instances[0].shape.compound.parts", E::kInvalidArgument,

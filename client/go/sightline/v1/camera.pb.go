@@ -540,7 +540,7 @@ type Lens struct {
 	FieldOfView float64 `protobuf:"fixed64,1,opt,name=field_of_view,json=fieldOfView,proto3" json:"field_of_view,omitempty"`
 	// Width / height of the picture, [0.1, 10]. Default (0): 16/9.
 	Aspect float64 `protobuf:"fixed64,2,opt,name=aspect,proto3" json:"aspect,omitempty"`
-	// Distance to the near plane in metres, (0, 10]. Default (0): 0.1.
+	// Distance to the near plane in metres, [1e-6, 10]. Default (0): 0.1.
 	NearM         float64 `protobuf:"fixed64,3,opt,name=near_m,json=nearM,proto3" json:"near_m,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache

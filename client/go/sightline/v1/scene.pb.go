@@ -209,7 +209,8 @@ type Shape struct {
 	//	*Shape_Cylinder_
 	//	*Shape_Compound_
 	Shape isShape_Shape `protobuf_oneof:"shape"`
-	// The shape's centre in the frame of its instance, in client units, each coordinate within 1e5 m; default (0, 0, 0). An engine whose
+	// The shape's centre in the frame of its instance, in client units, each coordinate within 1e5 m; default (0, 0, 0). It may lie at most
+	// 1e6 times as far from the instance's origin as the shape's least size, because geometry is kept in single precision. An engine whose
 	// characters have their pivot at the feet sends half of the height along the up axis. Servers before 0.2 ignore it.
 	Offset        *Vec3 `protobuf:"bytes,6,opt,name=offset,proto3" json:"offset,omitempty"`
 	unknownFields protoimpl.UnknownFields
@@ -440,7 +441,8 @@ type NewInstance struct {
 	Geometry isNewInstance_Geometry `protobuf_oneof:"geometry"`
 	// world_from_instance; default: the identity.
 	Pose *Pose3 `protobuf:"bytes,4,opt,name=pose,proto3" json:"pose,omitempty"`
-	// Factor along each of the instance's own axes, in [1e-4, 1e4]; default (1, 1, 1).
+	// Factor along each of the instance's own axes, in [1e-4, 1e4]; default (1, 1, 1). With it the geometry must lie within 1e9 m of the
+	// instance's origin.
 	Scale *Vec3 `protobuf:"bytes,5,opt,name=scale,proto3" json:"scale,omitempty"`
 	// Default: the defaults of Attributes.
 	Attributes    *Attributes `protobuf:"bytes,6,opt,name=attributes,proto3" json:"attributes,omitempty"`
@@ -854,11 +856,11 @@ type Target struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
 	// Id of an instance in the mirror.
 	Id uint64 `protobuf:"fixed64,1,opt,name=id,proto3" json:"id,omitempty"`
-	// How much the target counts, [0, 1e6]; 0: its visibility is reported, but the camera does not move for it. Default: 1.
+	// How much the target counts, 0 or [1e-6, 1e6]; 0: its visibility is reported, but the camera does not move for it. Default: 1.
 	Weight *float64 `protobuf:"fixed64,2,opt,name=weight,proto3,oneof" json:"weight,omitempty"`
 	// Required targets come before optional ones whenever not all can be seen. Default: true.
 	Required *bool `protobuf:"varint,3,opt,name=required,proto3,oneof" json:"required,omitempty"`
-	// Point that the camera aims at, in the frame of the instance, in client units. Default: the centre of its bounding box.
+	// Point that the camera aims at, in the frame of the instance, in client units; with the instance's scale, within 1e9 m. Default: the centre of its bounding box.
 	AimOffset *Vec3 `protobuf:"bytes,4,opt,name=aim_offset,json=aimOffset,proto3" json:"aim_offset,omitempty"`
 	// Only instances on a layer of this mask can hide the target, one bit each. Default: all layers.
 	LayerMask *uint32 `protobuf:"varint,5,opt,name=layer_mask,json=layerMask,proto3,oneof" json:"layer_mask,omitempty"`

@@ -137,8 +137,9 @@ type OpenSession struct {
 	Convention *Convention `protobuf:"bytes,1,opt,name=convention,proto3" json:"convention,omitempty"`
 	// Seed of everything that is random; equal seeds and equal inputs give equal replies. Default: 0.
 	Seed uint64 `protobuf:"fixed64,2,opt,name=seed,proto3" json:"seed,omitempty"`
-	// A point near the play area, in client units; default (0, 0, 0). Set it in worlds larger than 10 km: the server computes relative
-	// to it, and so loses no precision. Positions in messages, in both directions, and in scene files are not relative to it.
+	// A point near the play area, in client units, each coordinate within 1e15 m; default (0, 0, 0). Set it in worlds larger than 10 km:
+	// the server computes relative to it, and so loses no precision. Positions in messages, in both directions, and in scene files are not
+	// relative to it.
 	WorldOrigin *Vec3 `protobuf:"bytes,3,opt,name=world_origin,json=worldOrigin,proto3" json:"world_origin,omitempty"`
 	// Scene file to begin with. Default: an empty scene.
 	Scene *SceneRef `protobuf:"bytes,4,opt,name=scene,proto3" json:"scene,omitempty"`
@@ -585,9 +586,10 @@ type Tick struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
 	// Number of the tick; strictly increasing within a session.
 	Sequence uint64 `protobuf:"varint,1,opt,name=sequence,proto3" json:"sequence,omitempty"`
-	// The game's clock; it never goes back.
+	// The game's clock, within 1e20 s of 0; it never goes back.
 	TimeS float64 `protobuf:"fixed64,2,opt,name=time_s,json=timeS,proto3" json:"time_s,omitempty"`
-	// Game time since the former tick, >= 0; 0: the game is paused. Default: the difference of time_s (0 for the first tick).
+	// Game time since the former tick, [0, 1e20]; 0: the game is paused. A step moves the camera for 0.25 s at most
+	// (StepFlags.dt_capped), so a long pause does no harm. Default: the difference of time_s (0 for the first tick).
 	DtS *float64 `protobuf:"fixed64,3,opt,name=dt_s,json=dtS,proto3,oneof" json:"dt_s,omitempty"`
 	// Where instances are now; instances that are not named stay where they are.
 	Transforms *Transforms `protobuf:"bytes,4,opt,name=transforms,proto3" json:"transforms,omitempty"`

@@ -145,7 +145,7 @@ type Settings struct {
 	Follow Settings_Follow `protobuf:"varint,2,opt,name=follow,proto3,enum=sightline.v1.Settings_Follow" json:"follow,omitempty"`
 	// The least distance from the camera to the aim point of the nearest target.
 	MinDistanceM *float64 `protobuf:"fixed64,3,opt,name=min_distance_m,json=minDistanceM,proto3,oneof" json:"min_distance_m,omitempty"`
-	// The greatest distance from the camera to the weighted centre of the targets.
+	// The greatest distance from the camera to the weighted centre of the targets; at least 1e-6.
 	MaxDistanceM *float64 `protobuf:"fixed64,4,opt,name=max_distance_m,json=maxDistanceM,proto3,oneof" json:"max_distance_m,omitempty"`
 	// The least elevation of the camera: the angle above the horizontal, seen from the centre of the targets.
 	MinElevationRad *float64 `protobuf:"fixed64,5,opt,name=min_elevation_rad,json=minElevationRad,proto3,oneof" json:"min_elevation_rad,omitempty"`
@@ -433,41 +433,41 @@ var File_sightline_v1_settings_proto protoreflect.FileDescriptor
 
 const file_sightline_v1_settings_proto_rawDesc = "" +
 	"\n" +
-	"\x1bsightline/v1/settings.proto\x12\fsightline.v1\x1a\"sightline/options/v1/setting.proto\"\xcd\r\n" +
+	"\x1bsightline/v1/settings.proto\x12\fsightline.v1\x1a\"sightline/options/v1/setting.proto\"\x95\x0e\n" +
 	"\bSettings\x125\n" +
 	"\x06preset\x18\x01 \x01(\x0e2\x1d.sightline.v1.Settings.PresetR\x06preset\x12I\n" +
-	"\x06follow\x18\x02 \x01(\x0e2\x1d.sightline.v1.Settings.FollowB\x12\xca\xf3\x18\x0e\x12\x06OFFSET*\x04moveR\x06follow\x12C\n" +
-	"\x0emin_distance_m\x18\x03 \x01(\x01B\x18\xca\xf3\x18\x14\n" +
-	"\t[0, 1000]\x12\x011*\x04moveH\x00R\fminDistanceM\x88\x01\x01\x12R\n" +
+	"\x06follow\x18\x02 \x01(\x0e2\x1d.sightline.v1.Settings.FollowB\x12\xca\xf3\x18\x0e\x12\x06OFFSET*\x04moveR\x06follow\x12K\n" +
+	"\x0emin_distance_m\x18\x03 \x01(\x01B \xca\xf3\x18\x1c\n" +
+	"\x110 or [1e-6, 1000]\x12\x011*\x04moveH\x00R\fminDistanceM\x88\x01\x01\x12R\n" +
 	"\x0emax_distance_m\x18\x04 \x01(\x01B'\xca\xf3\x18#\n" +
 	"\x17(min_distance_m, 10000]\x12\x0230*\x04moveH\x01R\fmaxDistanceM\x88\x01\x01\x12P\n" +
 	"\x11min_elevation_rad\x18\x05 \x01(\x01B\x1f\xca\xf3\x18\x1b\n" +
 	"\r[-pi/2, pi/2]\x12\x04-0.3*\x04moveH\x02R\x0fminElevationRad\x88\x01\x01\x12[\n" +
 	"\x11max_elevation_rad\x18\x06 \x01(\x01B*\xca\xf3\x18&\n" +
-	"\x19(min_elevation_rad, pi/2]\x12\x031.4*\x04moveH\x03R\x0fmaxElevationRad\x88\x01\x01\x12O\n" +
-	"\x0eframing_margin\x18\a \x01(\x01B#\xca\xf3\x18\x1f\n" +
-	"\b[0, 0.9]\x12\x030.1\"\x05share*\aframingH\x04R\rframingMargin\x88\x01\x01\x12F\n" +
-	"\tdead_zone\x18\b \x01(\x01B$\xca\xf3\x18 \n" +
-	"\b[0, 0.9]\x12\x040.05\"\x05share*\aframingH\x05R\bdeadZone\x88\x01\x01\x12E\n" +
-	"\x0eaim_response_s\x18\t \x01(\x01B\x1a\xca\xf3\x18\x16\n" +
-	"\x06[0, 5]\x12\x030.4*\aframingH\x06R\faimResponseS\x88\x01\x01\x12N\n" +
+	"\x19(min_elevation_rad, pi/2]\x12\x031.4*\x04moveH\x03R\x0fmaxElevationRad\x88\x01\x01\x12W\n" +
+	"\x0eframing_margin\x18\a \x01(\x01B+\xca\xf3\x18'\n" +
+	"\x100 or [1e-6, 0.9]\x12\x030.1\"\x05share*\aframingH\x04R\rframingMargin\x88\x01\x01\x12N\n" +
+	"\tdead_zone\x18\b \x01(\x01B,\xca\xf3\x18(\n" +
+	"\x100 or [1e-6, 0.9]\x12\x040.05\"\x05share*\aframingH\x05R\bdeadZone\x88\x01\x01\x12M\n" +
+	"\x0eaim_response_s\x18\t \x01(\x01B\"\xca\xf3\x18\x1e\n" +
+	"\x0e0 or [1e-6, 5]\x12\x030.4*\aframingH\x06R\faimResponseS\x88\x01\x01\x12N\n" +
 	"\x14min_vertical_fov_rad\x18\n" +
 	" \x01(\x01B\x18\xca\xf3\x18\x14\n" +
 	"\t(0.01, 3)*\aframingH\aR\x11minVerticalFovRad\x88\x01\x01\x12^\n" +
 	"\x14max_vertical_fov_rad\x18\v \x01(\x01B(\xca\xf3\x18$\n" +
-	"\x19[min_vertical_fov_rad, 3)*\aframingH\bR\x11maxVerticalFovRad\x88\x01\x01\x12G\n" +
-	"\x0fmove_response_s\x18\f \x01(\x01B\x1a\xca\xf3\x18\x16\n" +
-	"\x06[0, 1]\x12\x030.2\x1a\x010*\x04moveH\tR\rmoveResponseS\x88\x01\x01\x12D\n" +
-	"\fprediction_s\x18\r \x01(\x01B\x1c\xca\xf3\x18\x18\n" +
-	"\x06[0, 2]\x12\x031.2\x1a\x030.3*\x04moveH\n" +
-	"R\vpredictionS\x88\x01\x01\x12V\n" +
-	"\x0fmin_occlusion_s\x18\x0e \x01(\x01B)\xca\xf3\x18%\n" +
-	"\x06[0, 1]\x12\x030.1\x1a\x040.15*\x10aggregate.filterH\vR\rminOcclusionS\x88\x01\x01\x12I\n" +
-	"\x11search_viewpoints\x18\x0f \x01(\bB\x17\xca\xf3\x18\x13\x12\x04true\x1a\x05false*\x04moveH\fR\x10searchViewpoints\x88\x01\x01\x12;\n" +
-	"\vcut_after_s\x18\x10 \x01(\x01B\x16\xca\xf3\x18\x12\n" +
-	"\a[0, 60]\x12\x010*\x04moveH\rR\tcutAfterS\x88\x01\x01\x12@\n" +
-	"\fcut_beyond_m\x18\x11 \x01(\x01B\x19\xca\xf3\x18\x15\n" +
-	"\t[0, 1000]\x12\x0210*\x04moveH\x0eR\n" +
+	"\x19[min_vertical_fov_rad, 3)*\aframingH\bR\x11maxVerticalFovRad\x88\x01\x01\x12O\n" +
+	"\x0fmove_response_s\x18\f \x01(\x01B\"\xca\xf3\x18\x1e\n" +
+	"\x0e0 or [1e-6, 1]\x12\x030.2\x1a\x010*\x04moveH\tR\rmoveResponseS\x88\x01\x01\x12L\n" +
+	"\fprediction_s\x18\r \x01(\x01B$\xca\xf3\x18 \n" +
+	"\x0e0 or [1e-6, 2]\x12\x031.2\x1a\x030.3*\x04moveH\n" +
+	"R\vpredictionS\x88\x01\x01\x12^\n" +
+	"\x0fmin_occlusion_s\x18\x0e \x01(\x01B1\xca\xf3\x18-\n" +
+	"\x0e0 or [1e-6, 1]\x12\x030.1\x1a\x040.15*\x10aggregate.filterH\vR\rminOcclusionS\x88\x01\x01\x12I\n" +
+	"\x11search_viewpoints\x18\x0f \x01(\bB\x17\xca\xf3\x18\x13\x12\x04true\x1a\x05false*\x04moveH\fR\x10searchViewpoints\x88\x01\x01\x12C\n" +
+	"\vcut_after_s\x18\x10 \x01(\x01B\x1e\xca\xf3\x18\x1a\n" +
+	"\x0f0 or [1e-6, 60]\x12\x010*\x04moveH\rR\tcutAfterS\x88\x01\x01\x12H\n" +
+	"\fcut_beyond_m\x18\x11 \x01(\x01B!\xca\xf3\x18\x1d\n" +
+	"\x110 or [1e-6, 1000]\x12\x0210*\x04moveH\x0eR\n" +
 	"cutBeyondM\x88\x01\x01\"H\n" +
 	"\x06Preset\x12\x16\n" +
 	"\x12PRESET_UNSPECIFIED\x10\x00\x12\x14\n" +
@@ -492,21 +492,20 @@ const file_sightline_v1_settings_proto_rawDesc = "" +
 	"\x10_min_occlusion_sB\x14\n" +
 	"\x12_search_viewpointsB\x0e\n" +
 	"\f_cut_after_sB\x0f\n" +
-	"\r_cut_beyond_m\"\xe3\x04\n" +
-	"\fCameraLimits\x12<\n" +
-	"\rmax_speed_mps\x18\x01 \x01(\x01B\x13\xca\xf3\x18\x0f\n" +
-	"\t(0, 1000]\x12\x0210H\x00R\vmaxSpeedMps\x88\x01\x01\x12M\n" +
-	"\x15max_acceleration_mps2\x18\x02 \x01(\x01B\x14\xca\xf3\x18\x10\n" +
-	"\n" +
-	"(0, 10000]\x12\x0210H\x01R\x13maxAccelerationMps2\x88\x01\x01\x12M\n" +
-	"\x17max_angular_speed_radps\x18\x03 \x01(\x01B\x11\xca\xf3\x18\r\n" +
-	"\b(0, 100]\x12\x013H\x02R\x14maxAngularSpeedRadps\x88\x01\x01\x12_\n" +
-	"\x1fmax_angular_acceleration_radps2\x18\x04 \x01(\x01B\x13\xca\xf3\x18\x0f\n" +
-	"\t(0, 1000]\x12\x0212H\x03R\x1cmaxAngularAccelerationRadps2\x88\x01\x01\x12;\n" +
-	"\rbody_radius_m\x18\x05 \x01(\x01B\x12\xca\xf3\x18\x0e\n" +
-	"\a[0, 10]\x12\x030.3H\x04R\vbodyRadiusM\x88\x01\x01\x12I\n" +
-	"\rmax_jerk_mps3\x18\x06 \x01(\x01B \xca\xf3\x18\x1c\n" +
-	"\v[0, 100000]\x12\x03100\x1a\x010\"\x05m/s³H\x05R\vmaxJerkMps3\x88\x01\x01B\x10\n" +
+	"\r_cut_beyond_m\"\xff\x04\n" +
+	"\fCameraLimits\x12?\n" +
+	"\rmax_speed_mps\x18\x01 \x01(\x01B\x16\xca\xf3\x18\x12\n" +
+	"\f[1e-6, 1000]\x12\x0210H\x00R\vmaxSpeedMps\x88\x01\x01\x12P\n" +
+	"\x15max_acceleration_mps2\x18\x02 \x01(\x01B\x17\xca\xf3\x18\x13\n" +
+	"\r[1e-6, 10000]\x12\x0210H\x01R\x13maxAccelerationMps2\x88\x01\x01\x12P\n" +
+	"\x17max_angular_speed_radps\x18\x03 \x01(\x01B\x14\xca\xf3\x18\x10\n" +
+	"\v[1e-6, 100]\x12\x013H\x02R\x14maxAngularSpeedRadps\x88\x01\x01\x12b\n" +
+	"\x1fmax_angular_acceleration_radps2\x18\x04 \x01(\x01B\x16\xca\xf3\x18\x12\n" +
+	"\f[1e-6, 1000]\x12\x0212H\x03R\x1cmaxAngularAccelerationRadps2\x88\x01\x01\x12C\n" +
+	"\rbody_radius_m\x18\x05 \x01(\x01B\x1a\xca\xf3\x18\x16\n" +
+	"\x0f0 or [1e-6, 10]\x12\x030.3H\x04R\vbodyRadiusM\x88\x01\x01\x12Q\n" +
+	"\rmax_jerk_mps3\x18\x06 \x01(\x01B(\xca\xf3\x18$\n" +
+	"\x130 or [1e-6, 100000]\x12\x03100\x1a\x010\"\x05m/s³H\x05R\vmaxJerkMps3\x88\x01\x01B\x10\n" +
 	"\x0e_max_speed_mpsB\x18\n" +
 	"\x16_max_acceleration_mps2B\x1a\n" +
 	"\x18_max_angular_speed_radpsB\"\n" +

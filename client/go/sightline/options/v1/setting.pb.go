@@ -28,8 +28,9 @@ const (
 // Data about a setting that its name, type and comment do not hold. The server and the reference page use it.
 type Setting struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
-	// The allowed values, as an interval: "[0, 1]", "(0, 10]", "[-pi/2, pi/2]". An end may name another setting of the same
-	// group: "[horizon_s, 2]". Empty for enums and switches.
+	// The allowed values, as an interval: "[0, 16]", "(0.01, 3)", "[-pi/2, pi/2]". An end may name another setting of the same
+	// group: "[horizon_s, 2]". "0 or [1e-6, 1]" leaves out positive numbers so small that their squares and quotients are no longer
+	// numbers. Empty for enums and switches.
 	Range string `protobuf:"bytes,1,opt,name=range,proto3" json:"range,omitempty"`
 	// The value in the preset SIGHTLINE. Empty: the setting is off until it is sent.
 	DefaultValue string `protobuf:"bytes,2,opt,name=default_value,json=defaultValue,proto3" json:"default_value,omitempty"`
