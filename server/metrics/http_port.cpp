@@ -1,5 +1,7 @@
 #include "server/metrics/http_port.h"
 
+#include <netinet/in.h>
+#include <netinet/tcp.h>
 #include <poll.h>
 #include <sys/eventfd.h>
 #include <sys/prctl.h>
@@ -24,6 +26,8 @@ using Stage = HttpConnection::Stage;
 
 // Connections accepted in a round, so that those that are there are looked at in between.
 constexpr int kAcceptsInRound = 16;
+// A connection keeps its place for so long, so that its request can come, unless many wait for a place.
+constexpr std::chrono::milliseconds kLeastTime{25};
 // After an accept that failed for want of descriptors or memory; without the pause the thread would spin.
 constexpr std::chrono::milliseconds kAfterFailure{20};
 
@@ -125,31 +129,40 @@ void HttpPort::take_pages(Time now) {
 }
 
 void HttpPort::accept(Time now) {
-  if (now < accepts_again_) return;
-  for (int i = 0; i < kAcceptsInRound; ++i) {
+  for (int i = 0; i < kAcceptsInRound && now >= accepts_again_; ++i) {
+    const auto gives_way = connections_.size() < kMostConnections ? connections_.end() : first_to_go();
+    if (gives_way != connections_.end() && gives_way->stage() < Stage::kClosing && now - gives_way->since() < kLeastTime && !many_wait()) {
+      accepts_again_ = gives_way->since() + kLeastTime;
+      return;
+    }
     FileDescriptor fd(::accept4(socket_.fd(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
     if (!fd) {
       if (errno == EMFILE || errno == ENFILE || errno == ENOBUFS || errno == ENOMEM) accepts_again_ = now + kAfterFailure;
       return;
     }
-    if (connections_.size() >= kMostConnections) make_room();
+    if (gives_way != connections_.end()) connections_.erase(gives_way);
     std::string client = client_of_socket(fd.get());
     // The request has come with the connection, as a rule.
     advance(connections_.emplace_back(std::move(fd), std::move(client), now), now);
   }
 }
 
-// A connection that has its answer goes first.
-void HttpPort::make_room() {
+// Of those that the kernel has connected. What a client has sent meanwhile is read as soon as its connection is accepted.
+bool HttpPort::many_wait() const {
+  tcp_info info{};
+  socklen_t size = sizeof(info);
+  const bool known = ::getsockopt(socket_.fd(), IPPROTO_TCP, TCP_INFO, &info, &size) == 0;
+  return !known || 2 * info.tcpi_unacked >= info.tcpi_sacked;  // the queue of a listening socket, and its length
+}
+
+// A connection that has its answer, otherwise the oldest one of the client that has most.
+HttpPort::Connections::iterator HttpPort::first_to_go() {
   const auto answered = std::find_if(connections_.begin(), connections_.end(), [](const auto& one) { return one.stage() >= Stage::kClosing; });
-  if (answered != connections_.end()) {
-    connections_.erase(answered);
-    return;
-  }
+  if (answered != connections_.end()) return answered;
   std::map<std::string_view, size_t> of_client;
   size_t most = 0;
   for (const HttpConnection& one : connections_) most = std::max(most, ++of_client[one.client()]);
-  connections_.erase(std::find_if(connections_.begin(), connections_.end(), [&](const auto& one) { return of_client[one.client()] == most; }));
+  return std::find_if(connections_.begin(), connections_.end(), [&](const auto& one) { return of_client[one.client()] == most; });
 }
 
 }  // namespace sightline

@@ -54,7 +54,8 @@ class HttpPort {
   void advance(HttpConnection& connection, Time now);
   void take_pages(Time now);
   void accept(Time now);
-  void make_room();
+  bool many_wait() const;
+  Connections::iterator first_to_go();
   void wake() const;
 
   const ListeningSocket socket_;
@@ -62,7 +63,7 @@ class HttpPort {
   const Pages pages_;
   // Used by thread_ only.
   Connections connections_;
-  Time accepts_again_{};  // after an accept that failed
+  Time accepts_again_{};  // after a pause
 
   std::atomic<bool> stopping_{false};
   PageMaker maker_;
