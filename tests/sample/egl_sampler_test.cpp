@@ -223,7 +223,6 @@ TEST(EglSamplerTest, MapsTakenTogetherAreThoseTakenAlone) {
   EXPECT_EQ(samplers[3]->maps_taken(), 2 * sessions[3]->requests.size());
 }
 
-// Other maps in a submission change no bit of a map.
 TEST(EglSamplerTest, AViewThatIsNotFiniteFailsItsOwnTakeOnly) {
   SIGHTLINE_EGL_DEVICE_OR_SKIP(device);
   SceneMaker maker(9);
@@ -253,6 +252,7 @@ TEST(EglSamplerTest, AViewThatIsNotFiniteFailsItsOwnTakeOnly) {
   EXPECT_FALSE(jobs[0].taken);
 }
 
+// Other maps in a submission change no bit of a map.
 TEST(EglSamplerTest, AMapIsTheSameWhereverItStandsInASubmission) {
   SIGHTLINE_EGL_DEVICE_OR_SKIP(device);
   for (uint64_t seed = 0; seed < 10; ++seed) {
