@@ -45,6 +45,8 @@ PairGap pair_gap(const glm::dvec3& a_m, const glm::dvec3& b_m, const Bound& boun
   if (length <= 1e-9) return PairGap::kTooClose;
   const double from_line = glm::length(glm::cross(to_a, ab)) / length;
   if (from_line <= bound.radius_m) return PairGap::kOnLine;
+  const auto slant = [&](double distance) { return std::asin(std::min(1.0, from_line / distance)) - std::asin(bound.radius_m / distance); };
+  if (std::min(slant(da), slant(db)) < kLeastSlantRad) return PairGap::kOnLine;
   const double between = std::atan2(glm::length(glm::cross(to_a, to_b)), glm::dot(to_a, to_b));
   const double radii = std::asin(bound.radius_m / da) + std::asin(bound.radius_m / db);
   return between > radii ? PairGap::kNone : PairGap::kTooClose;

@@ -24,6 +24,9 @@ namespace sightline {
 // The reason why the rays of two targets do not all meet around the bound. kNone: they do.
 enum class PairGap { kNone, kTargetInBound, kOnLine, kTooClose };
 
+// Rays nearer to the line AB would need windows a million times as wide as their depth.
+inline constexpr double kLeastSlantRad = 1e-6;
+
 struct PairVolume {
   glm::dvec3 a_m{0.0};
   glm::dmat3 world_from_volume{1.0};  // rotation; columns x, y, z
@@ -35,7 +38,7 @@ struct PairVolume {
   int resolution = 0;                 // r: texels a side of both maps
 };
 
-// kNone when the volume is complete. Then neither target is in the ball, the ball does not touch the line AB, and the angle ACB at the
+// kNone when the volume is complete. Then neither target is in the ball, the ball keeps off the line AB, by kLeastSlantRad as seen from either, and the angle ACB at the
 // ball's centre C exceeds the sum of the ball's angular radii seen from A and from B. Otherwise some rays of A meet no ray of B.
 PairGap pair_gap(const glm::dvec3& a_m, const glm::dvec3& b_m, const Bound& bound);
 

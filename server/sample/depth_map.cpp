@@ -6,10 +6,10 @@
 namespace sightline {
 namespace {
 
-// Nothing that a target is seen from lies farther away; Embree's own limit is 1.8e18.
-constexpr double kFarthestEyeM = 1e12;
-// A direction is one unit deep, so even the widest window is far narrower.
-constexpr double kLongestDirection = 1e6;
+// Instances, and the points on them that the camera aims at, lie within 3e9 m. Embree's limit is 1.8e18, in the frame of an instance that can
+// be 1e8 times smaller (is_valid_linear).
+constexpr double kFarthestEyeM = 4e9;
+constexpr double kLongestDirection = 1e9;
 
 // False for NaN.
 bool is_within(const glm::dvec3& v, double most) {

@@ -133,6 +133,9 @@ TEST(PairVolume, NamesEachIncompleteCase) {
   EXPECT_EQ(pair_gap(a, b, ball({-3, 0.2, 0}, 0.5)), PairGap::kOnLine);          // over the shoulder
   EXPECT_EQ(pair_gap(a, b, ball({0, 0.1, 0.1}, 0.5)), PairGap::kOnLine);         // between the targets
   EXPECT_EQ(pair_gap(a, b, ball({5, 0, 0}, 0.5)), PairGap::kOnLine);             // on the line AB
+  // Beside the line, but the rays from the far target could not be told from it.
+  EXPECT_EQ(pair_gap(a, {8e8, 0, 0}, ball({0, 0, 5}, 0.5)), PairGap::kOnLine);
+  EXPECT_EQ(pair_gap(a, {8e5, 0, 0}, ball({0, 0, 5}, 0.5)), PairGap::kNone);
   EXPECT_EQ(pair_gap(a, b, ball({1.2, 0.1, 0}, 0.5)), PairGap::kTargetInBound);  // a target in the ball
 }
 

@@ -34,7 +34,7 @@ struct Counts {
   uint64_t sessions = 0, refused_openings = 0, ticks = 0, refused = 0, replies = 0, checked_limits = 0, wrong = 0;
 };
 
-// What all sessions share, as in a daemon.
+// All sessions share these, as in a daemon.
 struct Shared {
   explicit Shared(SamplerDevice& all) : device(all) {}
   SamplerDevice& device;
@@ -109,6 +109,7 @@ class Player {
 
   void step(int quality_level) {
     const CameraState before = session_->carried().camera;
+    const double turning_radps = std::hypot(session_->carried().turn.yaw_rate_radps, session_->carried().turn.pitch_rate_radps);
     const auto answer = session_->step(quality_level);
     if (!answer) return wrong("the step failed: " + to_string(answer.error()));
     ++counts_.replies;
@@ -118,7 +119,7 @@ class Player {
       if (!(target.visible_share() >= 0 && target.visible_share() <= 1)) wrong("visible_share");
     const double dt_s = std::min(std::exchange(pending_s_, 0.0), kMaxStepS);
     const bool free = std::exchange(moved_by_client_, false) || reply_.cut();
-    if (!free && stepped_) must_keep_limits(before, answer->step.camera, dt_s);
+    if (!free && stepped_) must_keep_limits(before, turning_radps, answer->step.camera, dt_s);
     stepped_ = true;
     if (counts_.replies % 16 == 0) must_be_resumable();
   }
@@ -130,7 +131,7 @@ class Player {
     if (const Status ok = session_->resume(Session::memory_layout(), memory); !ok) wrong("the state cannot be resumed: " + to_string(ok.error()));
   }
 
-  void must_keep_limits(const CameraState& before, const CameraState& after, double dt_s) {
+  void must_keep_limits(const CameraState& before, double turning_radps, const CameraState& after, double dt_s) {
     ++counts_.checked_limits;
     const CameraLimits& limits = session_->limits();
     const double far = glm::length(before.pose.position_m), rounding_m = 1e-9 + 4e-15 * far;
@@ -140,8 +141,8 @@ class Player {
     if (dt_s > 0 && glm::distance(after.velocity_mps, before.velocity_mps) > change + slack) wrong("acceleration");
     const double moved_m = glm::distance(after.pose.position_m, before.pose.position_m);
     if (moved_m > speed * dt_s + rounding_m) wrong("the camera moved farther than its speed allows");
-    const double most_radps = std::max(limits.max_angular_speed_radps, glm::length(before.angular_velocity_radps));
-    if (turned_rad(before.pose.rotation, after.pose.rotation) > most_radps * dt_s * (1 + 1e-3) + 1e-14) wrong("angular speed");
+    const double most_radps = std::max(limits.max_angular_speed_radps, turning_radps);
+    if (turned_rad(before.pose.rotation, after.pose.rotation) > most_radps * dt_s * (1 + 1e-6) + 1e-14) wrong("angular speed");
   }
 
   void change(google::protobuf::Message& message, const std::vector<NumberField>& fields) {

@@ -223,6 +223,35 @@ TEST(EglSamplerTest, MapsTakenTogetherAreThoseTakenAlone) {
   EXPECT_EQ(samplers[3]->maps_taken(), 2 * sessions[3]->requests.size());
 }
 
+TEST(EglSamplerTest, AViewThatIsNotFiniteFailsItsOwnTakeOnly) {
+  SIGHTLINE_EGL_DEVICE_OR_SKIP(device);
+  SceneMaker maker(9);
+  SceneMirror mirror;
+  ASSERT_TRUE(mirror.apply(maker.scene(20), {}));
+  const auto good = some_requests(maker, 4);
+  auto bad = good;
+  bad[2].view.eye_m.y = std::nan("");
+  std::vector<std::unique_ptr<Sampler>> samplers;
+  std::vector<std::vector<DepthMap>> maps(3);
+  std::vector<TakeJob> jobs;
+  for (size_t i = 0; i < maps.size(); ++i) {
+    samplers.push_back(device.make_sampler());
+    jobs.push_back({.sampler = samplers[i].get(), .mirror = &mirror, .requests = i == 0 ? bad : good, .maps = &maps[i], .taken = {}});
+  }
+  device.take_all(jobs);
+  ASSERT_FALSE(jobs[0].taken);
+  EXPECT_EQ(jobs[0].taken.error().code, ErrorCode::kInternal);
+  std::vector<DepthMap> alone;
+  ASSERT_TRUE(device.make_sampler()->take(mirror, good, alone));
+  for (const size_t i : {1u, 2u}) {
+    EXPECT_TRUE(jobs[i].taken);
+    expect_equal(alone, maps[i]);
+  }
+  EXPECT_FALSE(samplers[0]->take(mirror, bad, maps[0]));
+  device.take_all(std::span(jobs).first(1));
+  EXPECT_FALSE(jobs[0].taken);
+}
+
 // Other maps in a submission change no bit of a map.
 TEST(EglSamplerTest, AMapIsTheSameWhereverItStandsInASubmission) {
   SIGHTLINE_EGL_DEVICE_OR_SKIP(device);
