@@ -21,12 +21,13 @@ parser.add_argument("stubs")
 parser.add_argument("--out", help="file for the figures")
 parser.add_argument("--after", type=float, default=60.0, help="seconds from the attack's end to the last look at the memory")
 parser.add_argument("--seconds", type=float, default=8.0, help="length of an attack")
-parser.add_argument("--only", type=int, nargs="+", default=[], metavar="NUMBER", help="numbers of the attacks to run")
+parser.add_argument("--only", type=str, nargs="+", default=[], metavar="NUMBER", help="numbers of the attacks to run")
 options = parser.parse_args()
 attack.Daemon.path = options.sightlined
 sys.path.insert(0, options.stubs)
 
 import attacks  # noqa: E402
+import endless_work  # noqa: E402
 from daemon import Daemon, Healthy  # noqa: E402
 
 LIMIT_MS, SLACK = 33.0, 0.10
@@ -66,25 +67,26 @@ def finished(figures, daemon, stack):
     figures["passed"] = bool(figures["alive"] and back and not figures["error"] and figures["answered"] == figures["ticks"] and
                              figures["p99_ms"] < LIMIT_MS)
     p99 = figures["p99_ms"] if figures["p99_ms"] is not None else float("inf")
-    print(f"{figures['number']:2} {figures['name'][:44]:44} p99 {p99:7.2f} ms  {figures['answered']} of {figures['ticks']} answered  memory "
+    print(f"{figures['number']:>3} {figures['name'][:44]:44} p99 {p99:7.2f} ms  {figures['answered']} of {figures['ticks']} answered  memory "
           f"{figures['memory_before_mib']:4.0f} MiB, {figures['memory_most_mib']:4.0f} at most, {figures['memory_after_mib']:4.0f} after  "
           f"{'passed' if figures['passed'] else 'FAILED'}  {figures['seen']}  {figures['error']}", flush=True)
     return figures
 
 
 def main():
-    wanted = [one for one in attacks.ATTACKS if not options.only or one.number in options.only]
+    wanted = [one for one in attacks.ATTACKS + endless_work.ATTACKS if not options.only or str(one.number) in options.only]
     rows, waiting = [], []
     for one in wanted:
         figures, running = measured(one)
         # The memory of one daemon is looked at while the next one is under attack.
         waiting.append((figures, running)) if running else rows.append(figures)
         if "skipped" in figures:
-            print(f"{one.number:2} {one.name[:44]:44} skipped: {figures['skipped']}", flush=True)
+            print(f"{one.number:>3} {one.name[:44]:44} skipped: {figures['skipped']}", flush=True)
     for figures, (daemon, stack, due) in waiting:
         time.sleep(max(0.0, due - time.monotonic()))
         rows.append(finished(figures, daemon, stack))
-    rows.sort(key=lambda row: row["number"])
+    order = [one.number for one in wanted]
+    rows.sort(key=lambda row: order.index(row["number"]))
     if options.out:
         with open(options.out, "w") as file:
             json.dump({"cpus": os.cpu_count(), "seconds": options.seconds, "after_s": options.after, "rows": rows}, file, indent=1)
