@@ -330,8 +330,7 @@ bool signalled_again() {
 
 // How often the watchdog looks.
 WorkLimit::Rules load_rules(const Flags& flags) {
-  return {.most_ns = std::llround(flags.max_load_s * 1e9),
-          .refusal = "takes more than " + std::to_string(std::llround(flags.max_load_s)) + " s of processor time to load (--max-load-s)"};
+  return {.most_ns = std::llround(flags.max_load_s * 1e9), .refusal = "takes more processor time to load than is allowed (--max-load-s)"};
 }
 
 constexpr Watchdog::Seconds kWatchPeriod{1.0};

@@ -69,16 +69,20 @@ void ClearanceCache::leave_out_far_ones(const Lattice& lattice, const glm::dvec3
   by_distance_.clear();
   for (size_t i = 0; i < point_m.size(); ++i) by_distance_.emplace_back(glm::distance(point_m[i], middle_m), static_cast<uint32_t>(i));
   std::sort(by_distance_.begin(), by_distance_.end());
+  left_out_.assign(point_m.size(), 0);
   uint64_t left = kTestsOfCells * point_m.size();
+  bool all = true;
   for (const auto& [distance_m, i] : by_distance_) {
-    const uint64_t tests = left > 0 ? cell_at(lattice, i, point_m[i]).tests : 0;
-    left_out_[i] = tests >= left;
+    const uint64_t tests = all ? cell_at(lattice, i, point_m[i]).tests : 0;
+    all = all && tests <= left;
+    left_out_[i] = !all;
     left -= std::min(left, tests);
   }
+  if (all) by_distance_.clear();
 }
 
 void ClearanceCache::measure_others(std::span<const glm::dvec3> position_m, std::span<float> clearance_m) {
-  field_.allow(std::max<uint64_t>(kTestsOfCell * 2, kTestsOfCells * position_m.size()));
+  field_.allow(kTestsOfCell + kTestsOfCells * position_m.size());
   for (size_t i = 0; i < position_m.size(); ++i) clearance_m[i] = static_cast<float>(field_.clearance_m(position_m[i], reach_m_));
   tests_ += field_.tests();
 }
@@ -99,7 +103,8 @@ std::span<const float> ClearanceCache::measure(const SceneMirror& mirror, const 
 
   tests_ = 0;
   const std::span<glm::dvec3> points_m = position_m.first(cell_count);
-  if (!measure_all(lattice, points_m)) leave_out_far_ones(lattice, bound.center_m, points_m);
+  // Where the last call had to leave out some, this one probably has to.
+  if (!by_distance_.empty() || !measure_all(lattice, points_m)) leave_out_far_ones(lattice, bound.center_m, points_m);
   clearance_m_.resize(position_m.size());
   moved_.clear();
   for (size_t i = 0; i < cell_count; ++i) {

@@ -190,20 +190,10 @@ glm::dvec3 closest_on_triangle(const glm::dvec3& p, const glm::dvec3& a, const g
   return a + ab * (vb * scale) + ac * (vc * scale);
 }
 
-}
-#include <cstdio>
-#include <map>
-#include <mutex>
-namespace sightline {
-struct Notes {
-  std::mutex m; std::map<uint64_t, uint64_t> most;
-  ~Notes() { for (auto [a, s] : most) if (s > 100) std::fprintf(stderr, "NOTE allowed %lu most %lu\n", a, s); }
-};
 void ClearanceField::allow(uint64_t tests) const {
-  static Notes notes;
-  { const std::lock_guard l(notes.m); auto& x = notes.most[allowed_]; if (allowed_ - left_ > x) x = allowed_ - left_; }
   allowed_ = left_ = tests;
 }
+
 void ClearanceField::add_if_near(const SceneMirror& mirror, uint32_t slot, const glm::dvec3& center_m, double reach_m,
                                  std::span<const uint32_t> ignored_slots, double ahead_s,
                                  std::vector<Collider>& into) {

@@ -111,6 +111,7 @@ grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::U
                                     {"bytes", std::to_string(bytes.size())}});
   }
   if (!place->complete()) {
+    if (places.ended()) return {grpc::StatusCode::UNAVAILABLE, "the server is shutting down"};
     counts.hit(Limit::kMaxUploads);
     parts.log.info("upload ended", {{"reason", "it was too slow, and another one needed its place"}, {"client", client}});
     return grpc::Status::CANCELLED;

@@ -49,16 +49,15 @@ def soup(count, size_m, half_m=8.0, seed=1):
     return mesh_of(corners)
 
 
-def soup_as_target(address, **more):
+def soup_as_target(address, channel=None):
     """Opens a session that has a heap of triangles as its target: the sample table of its shape takes very long."""
     from sightline.v1.camera_pb2 import Pose3, Vec3
     from sightline.v1.scene_pb2 import MeshRef, NewInstance, Target
     from sightline.v1.session_pb2 import OpenSession
     from sessions import Session
     shape = MeshRef(scene_hash=upload(address, soup(60_000, 6.0)).hash, mesh="mesh")
-    request = OpenSession(camera=Pose3(position=Vec3(y=1.6, z=30)), targets=[Target(id=1)], instances=[NewInstance(id=1, mesh=shape, pose=Pose3())],
-                          **more)
-    return Session(address, request)
+    request = OpenSession(camera=Pose3(position=Vec3(y=1.6, z=30)), targets=[Target(id=1)], instances=[NewInstance(id=1, mesh=shape, pose=Pose3())])
+    return Session(address, request, channel)
 
 
 def processor_s(daemon):
