@@ -264,8 +264,13 @@ void add_limits(CLI::App& app, RawFlags& raw) {
       ->check(number_in(0.0, 100'000.0))
       ->capture_default_str();
   app.add_option("--max-maps-ms", raw.flags.max_maps_ms,
-                 "Longest time that the depth maps of a step may take, in milliseconds; 0 means no limit. A step that takes longer is given "
+                 "Longest processor time that the depth maps of a step may take, in milliseconds; 0 means no limit. A step that takes longer is given "
                  "up, and its client is told. It bounds what a heavy scene can cost others; with EGL the maps are taken in one go")
+      ->check(number_in(0.0, 100'000.0))
+      ->capture_default_str();
+  app.add_option("--max-load-s", raw.flags.max_load_s,
+                 "Longest processor time that reading one scene file may take, or the opening of one session, in seconds; 0 means no limit. "
+                 "A file that takes longer is refused. Raise it for larger scenes, or slow machines")
       ->check(number_in(0.0, 100'000.0))
       ->capture_default_str();
   app.add_option("--max-upload-mib", raw.flags.max_upload_mib,

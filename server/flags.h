@@ -50,6 +50,7 @@ struct Flags {
   size_t transport_memory_mib = 128;  // 0: no limit
   double max_step_cost_ms = 33.0;  // 0: no limit
   double max_maps_ms = 100.0;      // 0: no limit
+  double max_load_s = 30.0;        // of processor time; 0: no limit
   size_t max_message_mib = 4;
   size_t max_upload_mib = 64;
   double open_timeout_s = 10.0;

@@ -50,8 +50,10 @@ using std::chrono::steady_clock;
 
 // One event loop moves about 20,000 ticks a second, which is more than eight threads can step.
 constexpr unsigned kThreadsPerLoop = 8;
-// Two, so that a small scene file can be read while a large one is.
-constexpr unsigned kLoaderThreads = 2;
+// More than one, since one client has at most all but one: others can open sessions, and small files can be read, while its large ones are.
+constexpr unsigned kLoaderThreads = 3, kUploaderThreads = 2;
+// Steps and openings come before uploads, which can wait.
+constexpr int kUploaderNiceness = 5;
 // Time that open calls get to end after the sessions were closed.
 constexpr milliseconds kStopGrace{500};
 // Time from then on until all parts of the daemon have ended. Together with LastResort::kRescueTime and the default of --drain-s it is less than what
@@ -311,6 +313,10 @@ bool signalled_again() {
   return hurries(sigtimedwait(&signals, nullptr, &wait));
 }
 
+WorkLimit::Rules load_rules(const Flags& flags) {
+  return {.most_ns = std::llround(flags.max_load_s * 1e9), .refusal = "takes more processor time to load than is allowed (--max-load-s)"};
+}
+
 // How often the watchdog looks.
 constexpr Watchdog::Seconds kWatchPeriod{1.0};
 
@@ -353,10 +359,11 @@ HealthAddress health_address(const CheckHealth& check) {
   return where;
 }
 
-void drain(DaemonState& state, Listener& listener, StreamRegistry& streams, double drain_s, const Log& log) {
+void drain(DaemonState& state, Listener& listener, CameraControlService& service, StreamRegistry& streams, double drain_s, const Log& log) {
   state.enter(DaemonState::Phase::kStopping);
   notify_stopping();
   listener.set_serving(false);
+  service.end_uploads();
   streams.drain("the server is stopping");
   const auto deadline = steady_clock::now() + std::chrono::duration<double>(drain_s);
   while (streams.size() > 0 && steady_clock::now() < deadline && !signalled_again()) {
@@ -417,11 +424,12 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   Scheduler scheduler(flags.threads > 0 ? flags.threads : static_cast<unsigned>(cpu_budget()), sampler,
                      monotonic_ns);
   WorkerPool loaders(kLoaderThreads);  // destroyed before the scheduler, which its last tasks may still use
+  WorkerPool uploaders(kUploaderThreads, kUploaderNiceness);
   const BudgetRules budget = budget_rules(flags);
   FairShares shares(scheduler.threads() * budget.largest_share);
   StepStats stats;
-  const ServiceParts parts{scenes, geometry, extents, sampler, scheduler, loaders, streams, shares, stats, log,
-                           monotonic_ns, start_name(), prepared->chosen.reason, budget, recorded, session_limits, &instance_memory, &credentials};
+  const ServiceParts parts{scenes, geometry, extents, sampler, scheduler, loaders, uploaders, streams, shares, stats, log,
+                           monotonic_ns, start_name(), prepared->chosen.reason, budget, recorded, session_limits, &instance_memory, &credentials, load_rules(flags)};
   if (const Status well = compute_first_step(parts); !well)
     return failed_to_start(log, well.error(), "no step can be computed on this device; try another --sampler");
   DaemonState state;
@@ -475,7 +483,7 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   };
   last_resort->arm(std::chrono::duration_cast<LastResort::Duration>(std::chrono::duration<double>(flags.drain_s)) + kLongestEnd, rescue);
   ready.remove();
-  drain(state, **listener, streams, flags.drain_s, log);
+  drain(state, **listener, service, streams, flags.drain_s, log);
   last_resort->arm(kLongestEnd, rescue);
   operators.reset();
   watchdog.reset();

@@ -21,6 +21,21 @@ void move_tick(RecordedStep& from, size_t i, RecordedStep& to) {
   to.tick_log_ns.push_back(from.tick_log_ns[i]);
 }
 
+// A tick that took too long to load on the machine of the recording need not do so here. It was not applied there, so a replay does not see it.
+void leave_out_what_took_too_long(RecordedStep& step) {
+  std::erase_if(step.rejections, [&](const v1::TickError& rejection) {
+    if (!refuses(rejection) || rejection.message().find("(--max-load-s)") == std::string::npos) return false;
+    for (size_t i = step.ticks.size(); i-- > 0;) {
+      if (step.ticks[i].sequence() != rejection.sequence()) continue;
+      step.ticks.erase(step.ticks.begin() + static_cast<ptrdiff_t>(i));
+      step.tick_log_ns.erase(step.tick_log_ns.begin() + static_cast<ptrdiff_t>(i));
+      step.ticks_before_memory -= i < step.ticks_before_memory;
+      break;
+    }
+    return true;
+  });
+}
+
 // The ticks of `to` so far stand before it.
 void move_memory(RecordedStep& from, RecordedStep& to) {
   if (!from.memory) return;
@@ -81,6 +96,7 @@ bool ReplayFeed::next(FedStep& step) {
 // The last `merged_ticks` + 1 accepted ticks belong to the reply. The ticks before them were answered by missing replies.
 // How they were merged is not known, so each has a step of its own.
 void ReplayFeed::split(RecordedStep& recorded) {
+  leave_out_what_took_too_long(recorded);
   const std::vector<bool> refused = refused_ticks(recorded);
   const auto accepted = static_cast<size_t>(std::count(refused.begin(), refused.end(), false));
   const size_t answered = recorded.has_reply ? size_t{1} + recorded.reply.merged_ticks() : accepted;

@@ -68,7 +68,7 @@ class SafetyCheck {
     const glm::dvec3 to = from + velocity * (reach / std::max(speed, 1e-9));
     const glm::dvec3 stop = from + (to - from) * field_.free_fraction(from, to, sweep_m_);
     glm::dvec3 surface;
-    if (!field_.nearest(stop, sweep_m_ + 0.1, surface)) return velocity;
+    if (!field_.nearest(stop, sweep_m_ + 0.1, surface) || surface == stop) return velocity;
     const glm::dvec3 out = glm::normalize(stop - surface);
     return velocity - out * std::min(0.0, glm::dot(velocity, out));
   }
@@ -106,7 +106,7 @@ class SafetyCheck {
   const double dt_s_, body_m_;
   double clearance_m_, sweep_m_;
   glm::dvec3 away_m_{0.0};  // from the nearest surface, within the reach
-  size_t blocker_ = 0;
+  size_t blocker_ = ClearanceField::kNoBlocker;
 };
 
 // The velocity that leaves the most room: out of the collider that the body touches, or midway between opposite surfaces.
@@ -158,7 +158,7 @@ class WayOut {
     if (!there_m) return;
     take(*there_m);
     glm::dvec3 surface_m;
-    if (!field_.nearest(*there_m, 2 * room_m_, surface_m)) return;
+    if (!field_.nearest(*there_m, 2 * room_m_, surface_m) || surface_m == *there_m) return;
     const glm::dvec3 across_m = *there_m - surface_m;
     if (const auto straight_m = first_free_m(glm::normalize(across_m), least_m_)) take(*straight_m);
   }
@@ -187,7 +187,7 @@ class WayOut {
   void take(const glm::dvec3& place_m) {
     const double distance_m = glm::distance(from_m_, place_m);
     if (distance_m >= least_m_) return;
-    size_t blocker = 0;
+    size_t blocker = ClearanceField::kNoBlocker;
     if (!inside_ && !field_.is_free(from_m_, place_m, 0.0, blocker)) return;
     least_m_ = distance_m, found_m_ = place_m;
   }

@@ -57,7 +57,7 @@ class StraightWays {
   const ClearanceField& field_;
   const glm::dvec3 from_m_;
   const double sweep_m_;  // the radius that is swept
-  size_t blocker_ = 0;
+  size_t blocker_ = ClearanceField::kNoBlocker;
 };
 
 // The radius that is swept: the body radius or the distance to the near plane's corners, whichever is larger.

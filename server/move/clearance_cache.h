@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "server/aggregate/lattice.h"
@@ -29,8 +30,15 @@ class ClearanceCache {
   // each call. A body of another radius empties the cache. `position_m`: of the candidates. The cells' positions are changed where the body does not fit there but near it; a straight free way
   // leads there, and the clearance is that of the new position. A position never leaves the bound. The result is valid until the next call.
   // Only cells that are new to the bound cost time.
+  //
+  // The work is bounded, in tests that are counted (ClearanceField::tests). A cell that takes more than kTestsOfCell has no room. Where all
+  // cells together take more than kTestsOfCells for each, those farthest from the bound's middle have none. What other steps measured counts
+  // as if it were measured again, so the result depends on the mirror and the bound alone. In eight of our scenes no cell took more than 1,213.
+  static constexpr uint64_t kTestsOfCell = 10'000, kTestsOfCells = 1'000;
   std::span<const float> measure(const SceneMirror& mirror, const Lattice& lattice, const Bound& bound,
                                  std::span<glm::dvec3> position_m, bool on_lattice, double body_radius_m);
+  // The tests that the last call took.
+  uint64_t tests() const { return tests_; }
   // The candidates whose positions the last call changed, ascending.
   std::span<const uint32_t> moved() const { return moved_; }
 
@@ -40,8 +48,13 @@ class ClearanceCache {
     float clearance_m = 0;        // of the lattice's point
     float moved_clearance_m = 0;  // of the place where the body fits; 0: there is none, or it is the lattice's point
     glm::vec3 move_m{0.0f};       // from the lattice's point to that place
+    uint32_t tests = 0;           // that it took
   };
-  Cell measure_cell(const glm::dvec3& point_m, double reach_m, double spacing_m, double body_radius_m) const;
+  Cell measure_cell(const glm::dvec3& point_m, double spacing_m);
+  const Cell& cell_at(const Lattice& lattice, size_t i, const glm::dvec3& point_m);
+  bool measure_all(const Lattice& lattice, std::span<const glm::dvec3> point_m);
+  void leave_out_far_ones(const Lattice& lattice, const glm::dvec3& middle_m, std::span<const glm::dvec3> point_m);
+  void measure_others(std::span<const glm::dvec3> position_m, std::span<float> clearance_m);
 
   ClearanceField field_;
   std::vector<Cell> cells_;
@@ -49,6 +62,9 @@ class ClearanceCache {
   double reach_m_ = 0, body_radius_m_ = 0;  // with which the cells were measured
   std::vector<float> clearance_m_;
   std::vector<uint32_t> moved_;
+  std::vector<uint8_t> left_out_;  // by cell: 1 if it counts as one without room, because it would take too many tests
+  std::vector<std::pair<double, uint32_t>> by_distance_;  // of the cells, if the last call had to leave out some
+  uint64_t tests_ = 0;
 };
 
 }  // namespace sightline

@@ -63,7 +63,7 @@ void FarWayFinder::begin(const ClearanceField& field, const FarWayInput& input) 
   nodes_.reserve(kMostCells);
   table_.assign(kTableSize, kNone);
   const glm::ivec3 own(glm::round(input.from_m / kCellM));
-  size_t blocker = 0;
+  size_t blocker = ClearanceField::kNoBlocker;
   const auto enter = [&](const glm::ivec3& cell) {
     const uint32_t node = node_of(field, cell);
     const glm::dvec3 at_m = point_m(cell);
@@ -78,7 +78,7 @@ void FarWayFinder::begin(const ClearanceField& field, const FarWayInput& input) 
 bool FarWayFinder::is_free(const ClearanceField& field, const FarWayInput& input, const Node& from, const Node& to, double leg_m) const {
   if (to.clear_m < input.body_radius_m) return false;
   if (from.clear_m + to.clear_m >= leg_m + 2 * input.body_radius_m) return true;
-  size_t blocker = 0;
+  size_t blocker = ClearanceField::kNoBlocker;
   return field.is_free(point_m(from.cell), point_m(to.cell), input.body_radius_m, blocker);
 }
 
@@ -93,7 +93,7 @@ void FarWayFinder::spread(const ClearanceField& field, const FarWayInput& input,
 }
 
 bool FarWayFinder::arrives(const ClearanceField& field, const FarWayInput& input, const glm::dvec3& at_m) {
-  size_t blocker = 0;
+  size_t blocker = ClearanceField::kNoBlocker;
   return glm::distance(at_m, input.to_m) <= input.near_m && field.is_free(at_m, input.to_m, kSight_m, blocker);
 }
 

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <functional>
 #include <iterator>
+#include <utility>
 
 #include "server/base/thread_pool.h"
 #include "server/sample/embree_maps.h"
@@ -18,11 +19,13 @@ constexpr size_t kTooFewForPool = 16;
 
 class EmbreeSampler final : public Sampler {
  public:
-  EmbreeSampler(EmbreeDevice& device, size_t threads, std::chrono::nanoseconds most_time)
-      : most_time_(most_time), pool_(threads) {
+  EmbreeSampler(EmbreeDevice& device, size_t threads, std::chrono::nanoseconds most_time, ThreadClock clock)
+      : most_time_(most_time), clock_(clock), pool_(threads) {
     for (size_t thread = 0; thread < pool_.size(); ++thread)
       takers_.push_back(std::make_unique<EmbreeMaps>(device));
   }
+
+  void prepare(const SceneMirror& mirror) override { takers_[0]->take_in(mirror); }
 
   Status take(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) override {
     if (Status castable = check_castable(requests); !castable) return castable;
@@ -34,12 +37,18 @@ class EmbreeSampler final : public Sampler {
     // same time.
     std::atomic<ptrdiff_t> left{std::ssize(requests)};
     std::atomic<bool> late{false};
+    std::atomic<int64_t> spent_ns{0};
     const auto start = steady_clock::now();
     const auto work = [&](size_t thread) {
+      int64_t charged_ns = most_time_.count() > 0 ? clock_() : 0;
       if (thread > 0) takers_[thread]->take_in(mirror);
       for (ptrdiff_t i = --left; i >= 0 && !late; i = --left) {
         takers_[thread]->take(mirror, requests[static_cast<size_t>(i)], maps[static_cast<size_t>(i)]);
-        if (i > 0 && most_time_.count() > 0 && steady_clock::now() - start > most_time_) late = true;
+        if (i == 0 || most_time_.count() == 0) continue;
+        // To ask for the processor time takes ten times as long, so the other clock is asked first.
+        if ((steady_clock::now() - start) * static_cast<int64_t>(pool_.size()) <= most_time_) continue;
+        const int64_t now_ns = clock_();
+        if ((spent_ns += now_ns - std::exchange(charged_ns, now_ns)) > most_time_.count()) late = true;
       }
     };
     if (pool_.size() > 1 && requests.size() > kTooFewForPool)
@@ -53,15 +62,17 @@ class EmbreeSampler final : public Sampler {
 
  private:
   const std::chrono::nanoseconds most_time_;
+  const ThreadClock clock_;
   std::vector<std::unique_ptr<EmbreeMaps>> takers_;  // by thread
   ThreadPool pool_;                                        // last, so that its threads end first
 };
 
 class EmbreeSamplerDevice final : public SamplerDevice {
  public:
-  EmbreeSamplerDevice(size_t threads, std::chrono::nanoseconds most_time) : threads_(threads), most_time_(most_time) {}
+  EmbreeSamplerDevice(size_t threads, std::chrono::nanoseconds most_time, ThreadClock clock)
+      : threads_(threads), most_time_(most_time), clock_(clock) {}
   std::unique_ptr<Sampler> make_sampler() override {
-    return std::make_unique<EmbreeSampler>(device_, threads_, most_time_);
+    return std::make_unique<EmbreeSampler>(device_, threads_, most_time_, clock_);
   }
   std::string kind() const override { return "embree"; }
   std::string renderer() const override { return "Embree " + EmbreeDevice::version() + ", CPU rays"; }
@@ -72,12 +83,13 @@ class EmbreeSamplerDevice final : public SamplerDevice {
   EmbreeDevice device_;
   const size_t threads_;
   const std::chrono::nanoseconds most_time_;
+  const ThreadClock clock_;
 };
 
 }  // namespace
 
-std::unique_ptr<SamplerDevice> make_embree_sampler_device(size_t threads, std::chrono::nanoseconds most_time) {
-  return std::make_unique<EmbreeSamplerDevice>(threads, most_time);
+std::unique_ptr<SamplerDevice> make_embree_sampler_device(size_t threads, std::chrono::nanoseconds most_time, ThreadClock clock) {
+  return std::make_unique<EmbreeSamplerDevice>(threads, most_time, clock);
 }
 
 }  // namespace sightline

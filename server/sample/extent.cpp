@@ -14,6 +14,11 @@ namespace {
 // The most rays of one view. Shapes that cover at least 1 % of the frame get all their points.
 constexpr size_t kMaxRays = 128 * kExtentPoints;
 
+constexpr std::chrono::milliseconds kLookWhileWaiting{50};
+
+// A ray into very many triangles takes about so many microseconds.
+constexpr uint64_t kUnitsOfRay = 64;
+
 // Steps of the R2 sequence: 1 / g and 1 / g^2, where g^3 = g + 1.
 constexpr glm::dvec2 kStep(0.7548776662466927, 0.5698402909980532);
 
@@ -89,8 +94,8 @@ class Picture {
 
 // Tries random points of the frame until one hits.
 std::optional<glm::dvec2> first_point(const RayCaster& caster, const Picture& picture,
-                                      CounterRandom& random) {
-  for (size_t ray = 0; ray < kMaxRays; ++ray) {
+                                      CounterRandom& random, WorkLimit::Part& work) {
+  for (size_t ray = 0; ray < kMaxRays && !work.ends(kUnitsOfRay); ++ray) {
     const double x = random.next_in(0.0, 1.0), y = random.next_in(0.0, 1.0);
     if (picture.cast(caster, picture.at({x, y})).hit()) return glm::dvec2(x, y);
   }
@@ -103,9 +108,9 @@ struct Followed {
 
 // Finds hits along the sequence from `start`; fewer than requested when the rays run out.
 Followed follow(const RayCaster& caster, const Picture& picture, const glm::dvec2& start,
-                std::span<glm::vec3> points) {
+                std::span<glm::vec3> points, WorkLimit::Part& work) {
   Followed out;
-  for (; out.rays < kMaxRays && out.found < points.size(); ++out.rays) {
+  for (; out.rays < kMaxRays && !work.ends(kUnitsOfRay) && out.found < points.size(); ++out.rays) {
     const SurfaceHit hit =
         picture.cast(caster, picture.at(wrapped(start + kStep * static_cast<double>(out.rays))));
     if (hit.hit()) points[out.found++] = glm::vec3(hit.point_m);
@@ -132,16 +137,16 @@ size_t nearest_distance(double inverse) {
 
 }  // namespace
 
-double sample_extent(const RayCaster& caster, const ExtentView& view, CounterRandom& random,
-                     std::span<glm::vec3> points) {
+double sample_extent(const RayCaster& caster, const ExtentView& view, CounterRandom& random, std::span<glm::vec3> points,
+                     WorkLimit::Part& work) {
   const Geometry& geometry = caster.geometry();
   Followed followed;
   double frame_m2 = 0;
   if (geometry.triangle_count() > 0 && geometry.radius_m > 0) {
     const Picture picture(geometry, view);
     frame_m2 = picture.frame_area_m2();
-    if (const auto start = first_point(caster, picture, random))
-      followed = follow(caster, picture, *start, points);
+    if (const auto start = first_point(caster, picture, random, work))
+      followed = follow(caster, picture, *start, points, work);
   }
   const size_t found = followed.found;
   if (found == 0) std::ranges::fill(points, geometry.center);
@@ -154,13 +159,15 @@ ExtentTable::ExtentTable(const Geometry& geometry)
   for (size_t i = 0; i < kExtentDirections; ++i) directions_[i] = lattice_direction(i);
 }
 
-std::shared_ptr<const ExtentTable> ExtentTable::build(const Geometry& geometry, uint64_t seed) {
+std::shared_ptr<const ExtentTable> ExtentTable::build(const Geometry& geometry, uint64_t seed, WorkLimit* limit) {
+  WorkLimit::Part work(limit);
   std::shared_ptr<ExtentTable> table(new ExtentTable(geometry));
   const RayCaster caster(geometry);
   for (size_t index = 0; index < kExtentViews; ++index) {
     CounterRandom random(seed ^ geometry.hash.low, index, RandomPurpose::kExtentPoints);
     table->areas_m2_[index] = sample_extent(caster, view(index), random,
-                                            std::span(table->points_m_).subspan(index * kExtentPoints, kExtentPoints));
+                                            std::span(table->points_m_).subspan(index * kExtentPoints, kExtentPoints), work);
+    if (work.ends()) return nullptr;
   }
   return table;
 }
@@ -211,21 +218,46 @@ void pick_points(std::span<const glm::vec3> points, uint64_t tick, size_t count,
   for (size_t i = 0; i < picked; ++i) out.push_back(points[(first + i) % size]);
 }
 
-std::shared_ptr<const ExtentTable> ExtentCache::get(const std::shared_ptr<const Geometry>& geometry) {
-  std::promise<std::shared_ptr<const ExtentTable>> built;
-  FutureTable table;
-  bool is_new = false;
-  {
-    const std::lock_guard lock(mutex_);
-    is_new = !by_key_.contains(geometry->key);
-    if (is_new) std::erase_if(by_key_, [](const auto& entry) { return entry.second.geometry.expired(); });
-    Entry& entry = by_key_[geometry->key];
-    if (is_new) entry.table = built.get_future().share();
-    entry.geometry = geometry;
-    table = entry.table;
+std::shared_ptr<const ExtentTable> ExtentCache::get(const std::shared_ptr<const Geometry>& geometry, WorkLimit* work) {
+  for (WorkLimit::Part part(work);;) {
+    std::promise<std::shared_ptr<const ExtentTable>> built;
+    FutureTable table;
+    bool is_new = false;
+    {
+      const std::lock_guard lock(mutex_);
+      is_new = !by_key_.contains(geometry->key);
+      if (is_new) std::erase_if(by_key_, [](const auto& entry) { return entry.second.geometry.expired(); });
+      Entry& entry = by_key_[geometry->key];
+      if (is_new) entry.table = built.get_future().share();
+      entry.geometry = geometry;
+      table = entry.table;
+    }
+    if (is_new) return build(geometry, built, work);
+    while (table.wait_for(kLookWhileWaiting) != std::future_status::ready)
+      if (part.ends_now()) return nullptr;
+    if (auto found = table.get()) return found;
   }
-  if (is_new) built.set_value(ExtentTable::build(*geometry, seed_));
-  return table.get();
+}
+
+// Those that wait must be told in any case.
+std::shared_ptr<const ExtentTable> ExtentCache::build(const std::shared_ptr<const Geometry>& geometry,
+                                                      std::promise<std::shared_ptr<const ExtentTable>>& built, WorkLimit* work) {
+  std::shared_ptr<const ExtentTable> table;
+  const auto tell = [&] {
+    if (!table) {
+      const std::lock_guard lock(mutex_);
+      by_key_.erase(geometry->key);
+    }
+    built.set_value(table);
+  };
+  try {
+    table = ExtentTable::build(*geometry, seed_, work);
+  } catch (...) {
+    tell();
+    throw;
+  }
+  tell();
+  return table;
 }
 
 bool ExtentCache::has(const Geometry& geometry) const {

@@ -30,6 +30,7 @@
 
 #include "server/base/hash.h"
 #include "server/base/random.h"
+#include "server/base/work_limit.h"
 #include "server/scene/geometry.h"
 #include "server/scene/ray.h"
 
@@ -60,15 +61,16 @@ struct ExtentView {
 //
 // Returns the area of the image, estimated by the share of the rays that hit, in m^2 at the distance of the sphere's centre; 0 without
 // a hit. With 64 points it errs by a few percent.
-double sample_extent(const RayCaster& caster, const ExtentView& view, CounterRandom& random,
-                   std::span<glm::vec3> points);
+// When the work has to end, the points and the area mean nothing.
+double sample_extent(const RayCaster& caster, const ExtentView& view, CounterRandom& random, std::span<glm::vec3> points,
+                     WorkLimit::Part& work);
 
 // Immutable: any number of threads may read one.
 class ExtentTable {
  public:
-  // A pure function of the geometry and the seed. Takes about 10 ms for a capsule, 30 ms for 10,000 triangles and 1.7 s for a
+  // A pure function of the geometry and the seed. Null when `work` ends; a null one never does. Takes about 10 ms for a capsule, 30 ms for 10,000 triangles and 1.7 s for a
   // million, so build it before a session's first step.
-  static std::shared_ptr<const ExtentTable> build(const Geometry& geometry, uint64_t seed = 0);
+  static std::shared_ptr<const ExtentTable> build(const Geometry& geometry, uint64_t seed = 0, WorkLimit* work = nullptr);
 
   // The points of the view nearest to the viewer (mesh frame, finite): always kExtentPoints, of equal weight. A viewer inside the
   // bounding sphere gets the nearest viewpoint in its direction; at the centre, in any direction. The span lives as long as the table.
@@ -109,8 +111,9 @@ class ExtentCache {
   // All tables are built with this seed.
   explicit ExtentCache(uint64_t seed = 0) : seed_(seed) {}
 
-  // Builds the table on the first call for a geometry, outside the lock; other callers for an equal geometry wait for it.
-  std::shared_ptr<const ExtentTable> get(const std::shared_ptr<const Geometry>& geometry);
+  // Builds the table on the first call for a geometry, outside the lock; other callers for an equal geometry wait for it. Null when
+  // `work` ends; then one of those that wait begins again.
+  std::shared_ptr<const ExtentTable> get(const std::shared_ptr<const Geometry>& geometry, WorkLimit* work = nullptr);
 
   // True when `get` would return at once.
   bool has(const Geometry& geometry) const;
@@ -124,6 +127,9 @@ class ExtentCache {
     std::weak_ptr<const Geometry> geometry;
     FutureTable table;
   };
+
+  std::shared_ptr<const ExtentTable> build(const std::shared_ptr<const Geometry>& geometry, std::promise<std::shared_ptr<const ExtentTable>>& built,
+                                           WorkLimit* work);
 
   const uint64_t seed_;
   mutable std::mutex mutex_;

@@ -24,6 +24,9 @@ class Sampler {
   // the next call may succeed. All calls of one sampler must use the same mirror.
   virtual Status take(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) = 0;
 
+  // Derives what it can from the mirror, so that the next take need not: with very many triangles that takes long. Does nothing by default.
+  virtual void prepare(const SceneMirror&) {}
+
   // Maps taken since creation. Tests use it to show that shared maps are taken once.
   uint64_t maps_taken() const { return maps_taken_; }
 

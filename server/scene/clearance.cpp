@@ -79,48 +79,18 @@ Aabb bounds_of(const Corners& t) {
   return {glm::min(t[0], glm::min(t[1], t[2])), glm::max(t[0], glm::max(t[1], t[2]))};
 }
 
-// Visits the triangles of `tree` whose box, and whose nodes' boxes, have bound(box) < limit(); nearer nodes
-// first. `limit` may fall while `visit(corners)` is called.
-template <typename Bound, typename Limit, typename Visit>
-void search(const Geometry& geometry, const TriangleTree& tree, Bound bound, Limit limit, Visit visit) {
-  struct Entry {
-    uint32_t node;
-    double bound;
-  };
-  if (tree.empty()) return;
-  std::array<Entry, kMaxTreeDepth + 1> stack;
-  size_t depth = 0;
-  stack[depth++] = {0, bound(tree[0].bounds)};
-  while (depth > 0) {
-    const Entry entry = stack[--depth];
-    if (!(entry.bound < limit())) continue;
-    const TreeNode& node = tree[entry.node];
-    if (!node.is_leaf()) {
-      Entry near{entry.node + 1, bound(tree[entry.node + 1].bounds)},
-          far{node.right, bound(tree[node.right].bounds)};
-      if (far.bound < near.bound) std::swap(near, far);
-      assert(depth + 2 <= stack.size());
-      stack[depth++] = far;
-      stack[depth++] = near;
-      continue;
-    }
-    for (uint32_t i = node.first_index; i < node.first_index + node.index_count; i += 3) {
-      const Corners triangle = corners(geometry, i);
-      if (bound(bounds_of(triangle)) < limit()) visit(triangle);
-    }
-  }
-}
-
 using WorldTriangle = std::array<glm::dvec3, 3>;
 
 // The distance, at most `length_m`, that a point moves from `from` along unit `direction` before it is within `radius_m` of the triangle.
 // The distance of a moving point from a convex set is convex in time. So Newton's method from the left never passes the first
 // contact, and a distance that grows never shrinks again. This is conservative advancement with the directional bound (van den
 // Bergen, "Ray casting against general convex objects", 2004).
+// Adds the number of its steps to `steps`.
 double advance(const glm::dvec3& from, const glm::dvec3& direction, double length_m, double radius_m,
-               const WorldTriangle& triangle) {
+               const WorldTriangle& triangle, uint64_t& steps) {
   double moved = 0.0;
   for (int step = 0; step < 100 && moved < length_m; ++step) {
+    ++steps;
     const glm::dvec3 p = from + direction * moved;
     const glm::dvec3 away = p - closest_on_triangle(p, triangle[0], triangle[1], triangle[2]);
     const double distance = glm::length(away);
@@ -137,10 +107,10 @@ double advance(const glm::dvec3& from, const glm::dvec3& direction, double lengt
 
 // The same for a sphere, which may graze: an overlap of less than kTouchM does not stop it.
 double sweep_triangle(const glm::dvec3& from, const glm::dvec3& direction, double length_m, double radius_m,
-                      const WorldTriangle& triangle) {
+                      const WorldTriangle& triangle, uint64_t& steps) {
   const double pressed = std::max(radius_m - kTouchM, 0.0);
-  if (advance(from, direction, length_m, pressed, triangle) >= length_m) return length_m;
-  return advance(from, direction, length_m, radius_m, triangle);
+  if (advance(from, direction, length_m, pressed, triangle, steps) >= length_m) return length_m;
+  return advance(from, direction, length_m, radius_m, triangle, steps);
 }
 
 // The rays of is_inside point to a cube's faces and corners, opposite ones in turn. The cube is turned, so that no ray runs along a world
@@ -178,8 +148,8 @@ struct Spheres {
   const double *x_m, *y_m, *z_m, *radius_m;
   size_t count;
 };
-// The number of spheres that are tested at once.
-constexpr size_t kSpheresAtOnce = 128;
+// The number of spheres that are tested at once, and that take about as long as the test of one triangle.
+constexpr size_t kSpheresAtOnce = 128, kSpheresOfTest = 32;
 
 // Sets 1 for spheres that the moving sphere touches on its path along unit `direction`, to within rounding, else 0.
 SIGHTLINE_VECTOR_CLONES
@@ -218,6 +188,10 @@ glm::dvec3 closest_on_triangle(const glm::dvec3& p, const glm::dvec3& a, const g
   if (vc <= 0 || vb <= 0 || va <= 0) return closest_on_edges(p, a, b, c);
   const double scale = 1.0 / (va + vb + vc);
   return a + ab * (vb * scale) + ac * (vc * scale);
+}
+
+void ClearanceField::allow(uint64_t tests) const {
+  allowed_ = left_ = tests;
 }
 
 void ClearanceField::add_if_near(const SceneMirror& mirror, uint32_t slot, const glm::dvec3& center_m, double reach_m,
@@ -284,6 +258,45 @@ void ClearanceField::list_spheres(const glm::dvec3& center_m, double reach_m) {
     radius_m_[index] = collider.radius_m;
   }
   stands_listed_ = true;
+  tests_of_query_ = 1 + collider_count() / kSpheresOfTest;
+  allow(kAnyNumber);
+}
+
+// Visits the triangles of a collider whose box, and whose nodes' boxes, have bound(box) < limit(); nearer nodes first. `limit` may
+// fall while `visit(corners)` is called. Ends early when the allowance is used up.
+template <typename Bound, typename Limit, typename Visit>
+void ClearanceField::search(const Collider& collider, Bound bound, Limit limit, Visit visit) const {
+  struct Entry {
+    uint32_t node;
+    double bound;
+  };
+  const Geometry& geometry = *collider.geometry;
+  std::array<Entry, kMaxTreeDepth + 1> stack;
+  for (const TriangleTree* const each : {&geometry.occluding, &geometry.see_through}) {
+    const TriangleTree& tree = *each;
+    if (tree.empty()) continue;
+    size_t depth = 0;
+    stack[depth++] = {0, bound(tree[0].bounds)};
+    while (depth > 0) {
+      const Entry entry = stack[--depth];
+      if (!(entry.bound < limit())) continue;
+      const TreeNode& node = tree[entry.node];
+      if (!take(node.is_leaf() ? node.index_count / 3 : 1)) return;
+      if (!node.is_leaf()) {
+        Entry near{entry.node + 1, bound(tree[entry.node + 1].bounds)},
+            far{node.right, bound(tree[node.right].bounds)};
+        if (far.bound < near.bound) std::swap(near, far);
+        assert(depth + 2 <= stack.size());
+        stack[depth++] = far;
+        stack[depth++] = near;
+        continue;
+      }
+      for (uint32_t i = node.first_index; i < node.first_index + node.index_count; i += 3) {
+        const Corners triangle = corners(geometry, i);
+        if (bound(bounds_of(triangle)) < limit()) visit(triangle);
+      }
+    }
+  }
 }
 
 bool ClearanceField::leaves_solid(const glm::dvec3& from_m, const glm::dvec3& direction) const {
@@ -302,12 +315,10 @@ bool ClearanceField::leaves_solid(const glm::dvec3& from_m, const glm::dvec3& di
       left += crossing.leaves ? 1 : -1;
       if (crossing.share < first) first = crossing.share, first_is_back = crossing.leaves;
     };
-    for (const TriangleTree* tree : {&collider.geometry->occluding, &collider.geometry->see_through})
-      search(
-          *collider.geometry, *tree, [&](const Aabb& box) { return path.enters(box); }, [] { return INFINITY; }, visit);
+    search(collider, [&](const Aabb& box) { return path.enters(box); }, [] { return INFINITY; }, visit);
     return true;
   });
-  return left > 0 || first_is_back;
+  return !exhausted() && (left > 0 || first_is_back);
 }
 
 bool ClearanceField::is_inside(const glm::dvec3& point_m) const {
@@ -340,14 +351,15 @@ ClearanceField::Way::Way(const glm::dvec3& from, const glm::dvec3& to, double ra
       radius_m(radius) {}
 
 template <typename Take>
-bool ClearanceField::for_each_beside(const Way& way, Take take) const {
+bool ClearanceField::for_each_beside(const Way& way, Take take_one) const {
+  if (!take(tests_of_query_)) return false;
   std::array<uint8_t, kSpheresAtOnce> beside;
   for (size_t first = 0; first < x_m_.size(); first += kSpheresAtOnce) {
     const size_t count = std::min(kSpheresAtOnce, x_m_.size() - first);
     mark_beside({&x_m_[first], &y_m_[first], &z_m_[first], &radius_m_[first], count},
                 way.from_m, way.direction, way.length_m, way.radius_m, beside.data());
     for (size_t i = 0; i < count; ++i)
-      if (beside[i] != 0 && !take(first + i)) return false;
+      if (beside[i] != 0 && (!take_one(first + i) || exhausted())) return false;
   }
   return true;
 }
@@ -367,15 +379,16 @@ bool ClearanceField::nearest(const glm::dvec3& point_m, double reach_m, glm::dve
       const double distance = glm::distance(point_m, q);
       if (distance < best) best = distance, surface_m = q, found = true;
     };
-    for (const TriangleTree* tree : {&collider.geometry->occluding, &collider.geometry->see_through})
-      search(
-          *collider.geometry, *tree, bound, [&] { return best; }, visit);
+    search(collider, bound, [&] { return best; }, visit);
     return true;
   });
-  return found;
+  if (!exhausted()) return found;
+  surface_m = point_m;
+  return true;
 }
 
-// Calls visit(triangle, world) for the triangles of one collider that the sphere may touch before `limit()`, which may fall meanwhile.
+// Calls visit(triangle, steps) for the triangles, in the world, of one collider that the sphere may touch before `limit()`, which may fall
+// meanwhile. The visit adds its steps.
 template <typename Limit, typename Visit>
 void ClearanceField::sweep(const Collider& collider, const Way& way, Limit limit, Visit visit) const {
   const glm::dvec3 nearest_on_path = closest_on_segment(collider.center_m, way.from_m, way.to_m);
@@ -385,11 +398,11 @@ void ClearanceField::sweep(const Collider& collider, const Way& way, Limit limit
                   transform_vector(collider.instance_from_world, way.to_m - way.from_m),
                   (way.radius_m + kPruneSlackM) / collider.min_stretch);
   const auto in_world = [&](const Corners& t) {
-    visit(WorldTriangle{transform_point(map, t[0]), transform_point(map, t[1]), transform_point(map, t[2])});
+    uint64_t steps = 0;
+    visit(WorldTriangle{transform_point(map, t[0]), transform_point(map, t[1]), transform_point(map, t[2])}, steps);
+    take(steps);
   };
-  for (const TriangleTree* tree : {&collider.geometry->occluding, &collider.geometry->see_through})
-    search(
-        *collider.geometry, *tree, [&](const Aabb& box) { return way.length_m * path.enters(box); }, limit, in_world);
+  search(collider, [&](const Aabb& box) { return way.length_m * path.enters(box); }, limit, in_world);
 }
 
 double ClearanceField::free_fraction(const glm::dvec3& from_m, const glm::dvec3& to_m,
@@ -401,10 +414,12 @@ double ClearanceField::free_fraction(const glm::dvec3& from_m, const glm::dvec3&
   for_each_beside(way, [&](size_t index) {
     sweep(
         at(index), way, [&] { return free; },
-        [&](const WorldTriangle& t) { free = std::min(free, sweep_triangle(way.from_m, way.direction, free, radius_m, t)); });
+        [&](const WorldTriangle& t, uint64_t& steps) {
+          free = std::min(free, sweep_triangle(way.from_m, way.direction, free, radius_m, t, steps));
+        });
     return true;
   });
-  return free / way.length_m;
+  return exhausted() ? 0.0 : free / way.length_m;
 }
 
 std::optional<uint32_t> ClearanceField::first_in_way(const glm::dvec3& from_m, const glm::dvec3& to_m,
@@ -416,8 +431,8 @@ std::optional<uint32_t> ClearanceField::first_in_way(const glm::dvec3& from_m, c
   for_each_beside(way, [&](size_t index) {
     sweep(
         at(index), way, [&] { return free; },
-        [&](const WorldTriangle& t) {
-          const double moved = sweep_triangle(way.from_m, way.direction, free, radius_m, t);
+        [&](const WorldTriangle& t, uint64_t& steps) {
+          const double moved = sweep_triangle(way.from_m, way.direction, free, radius_m, t, steps);
           if (moved < free) free = moved, first = at(index).slot;
         });
     return true;
@@ -430,10 +445,10 @@ bool ClearanceField::meets(const Collider& collider, const Way& way) const {
   bool met = false;
   sweep(
       collider, way, [&] { return met ? 0.0 : way.length_m; },
-      [&](const WorldTriangle& t) {
-        met = met || advance(way.from_m, way.direction, way.length_m, pressed_m, t) < way.length_m;
+      [&](const WorldTriangle& t, uint64_t& steps) {
+        met = met || advance(way.from_m, way.direction, way.length_m, pressed_m, t, steps) < way.length_m;
       });
-  return met;
+  return met || exhausted();
 }
 
 bool ClearanceField::is_free(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m,

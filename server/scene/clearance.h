@@ -1,6 +1,7 @@
 // Distances to the surfaces that the camera body must not touch. `move` sweeps the camera with it.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <optional>
@@ -15,8 +16,19 @@ namespace sightline {
 // until the point leaves it or the mirror's static version changes. Distances are exact, to both sides of all triangles, including
 // see-through ones; inside a solid they are to its surface. Not thread-safe: keep one per session and call gather again, which reuses
 // its memory. The mirror must outlive the queries and must not change between gather and a query.
+//
+// The work of queries is counted, and can be bounded, so that very many triangles at one place cannot make a step long. It is counted in tests
+// of a box or a triangle, not in time. So a query gives the same answer on every machine. The count depends on the mirror and on the queries
+// alone, not on what was gathered before. Where the allowance is used up, further queries give the careful answer: a surface at the point
+// itself, a path that is not free, a point that is not inside.
 class ClearanceField {
  public:
+  // Allows so many tests until the next gather, which allows any number. Like the queries that use them up, it does not change the field.
+  void allow(uint64_t tests) const;
+  // The number of tests since the last gather or `allow`; what was allowed when it was not enough.
+  uint64_t tests() const { return allowed_ - left_; }
+  bool exhausted() const { return left_ == 0; }
+
   // Collects colliding instances whose bounding sphere comes within `reach_m` of `center_m`, except those in
   // `ignored_slots` (ascending).
   void gather(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m,
@@ -39,7 +51,8 @@ class ClearanceField {
   // systems", 1996). On a path along a wall it does not stall, as advancement by plain distance would.
   double free_fraction(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m) const;
   // True when free_fraction is 1, at lower cost. `blocker` is the index of the collider that is tested first; on return, of the collider
-  // in the way, if any. Paths from one point are mostly blocked by the same collider. Any number is valid at first.
+  // in the way, if any. Paths from one point are mostly blocked by the same collider. kNoBlocker is valid at first.
+  static constexpr size_t kNoBlocker = SIZE_MAX;
   bool is_free(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m, size_t& blocker) const;
 
   // The mirror slot of the collider that the sphere touches first on that path; empty when the path is free. Not as fast as is_free.
@@ -78,6 +91,11 @@ class ClearanceField {
   static void add_if_near(const SceneMirror& mirror, uint32_t slot, const glm::dvec3& center_m, double reach_m,
                           std::span<const uint32_t> ignored_slots, double ahead_s, std::vector<Collider>& into);
   void list_spheres(const glm::dvec3& center_m, double reach_m);
+  // Counts tests; false when none is left.
+  bool take(uint64_t tests) const {
+    left_ -= std::min(left_, tests);
+    return left_ > 0;
+  }
   // The straight path of a sphere; its length may be 0, with any direction.
   struct Way {
     Way(const glm::dvec3& from, const glm::dvec3& to, double radius);
@@ -89,6 +107,8 @@ class ClearanceField {
   // Calls take(index) for at least the colliders that the sphere may touch, until take returns false; then returns false.
   template <typename Take>
   bool for_each_beside(const Way& way, Take take) const;
+  template <typename Bound, typename Limit, typename Visit>
+  void search(const Collider& collider, Bound bound, Limit limit, Visit visit) const;
   template <typename Limit, typename Visit>
   void sweep(const Collider& collider, const Way& way, Limit limit, Visit visit) const;
   bool meets(const Collider& collider, const Way& way) const;
@@ -104,6 +124,9 @@ class ClearanceField {
   bool stands_listed_ = false;  // the spheres of standing_ are in the lists
   glm::dvec3 center_m_{0.0};  // of the last gather
   double reach_m_ = 0.0;
+  uint64_t tests_of_query_ = 0;  // for the bounding spheres alone
+  static constexpr uint64_t kAnyNumber = UINT64_MAX;
+  mutable uint64_t allowed_ = kAnyNumber, left_ = kAnyNumber;
 };
 
 // Distance from `p` to the triangle (a, b, c), and the closest point on it (Ericson, Real-Time Collision

@@ -6,12 +6,16 @@
 #include <cmath>
 #include <memory>
 #include <new>
+#include <optional>
 
 #include "server/scene/tree_builder.h"
 #include "server/scene/weld.h"
 
 namespace sightline {
 namespace {
+
+// The bytes of a digest between two looks at the limit of the work.
+constexpr size_t kDigestedAtOnce = size_t{1} << 18;
 
 Aabb joined(const Aabb& a, const Aabb& b) {
   return {glm::min(a.min, b.min), glm::max(a.max, b.max)};
@@ -69,22 +73,28 @@ void bound_by_sphere(Geometry& geometry) {
       std::nextafter(static_cast<float>(std::sqrt(squared)), std::numeric_limits<float>::infinity());
 }
 
-GeometryKey key_of(const MeshData& mesh) {
+// Empty when the work has to end.
+std::optional<GeometryKey> key_of(const MeshData& mesh, WorkLimit::Part& work) {
   const std::array<uint64_t, 3> sizes = {mesh.positions.size(), mesh.indices.size(),
                                          std::min<uint64_t>(mesh.see_through_first_index, mesh.indices.size())};
   GeometryKey key{};
   const std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> digest(EVP_MD_CTX_new(), &EVP_MD_CTX_free);
   bool well = digest && EVP_DigestInit_ex(digest.get(), EVP_sha256(), nullptr) == 1;
-  const auto add = [&](std::span<const std::byte> bytes) { well = well && EVP_DigestUpdate(digest.get(), bytes.data(), bytes.size()) == 1; };
+  const auto add = [&](std::span<const std::byte> bytes) {
+    for (; !bytes.empty() && well && !work.ends(kDigestedAtOnce / 256); bytes = bytes.subspan(std::min(bytes.size(), kDigestedAtOnce)))
+      well = EVP_DigestUpdate(digest.get(), bytes.data(), std::min(bytes.size(), kDigestedAtOnce)) == 1;
+  };
   add(std::as_bytes(std::span(sizes)));
   add(std::as_bytes(std::span(mesh.positions)));
   add(std::as_bytes(std::span(mesh.indices)));
+  if (work.ends()) return std::nullopt;
   if (!well || EVP_DigestFinal_ex(digest.get(), key.data(), nullptr) != 1) throw std::bad_alloc();
   return key;
 }
 
-std::shared_ptr<const Geometry> build_checked(MeshData mesh, const ContentHash& hash, const GeometryKey& key) {
-  weld(mesh.positions, mesh.indices);
+// Null when the work has to end.
+std::shared_ptr<const Geometry> build_checked(MeshData mesh, const ContentHash& hash, const GeometryKey& key, WorkLimit::Part& work) {
+  if (!weld(mesh.positions, mesh.indices, work)) return nullptr;
   const size_t triangles = mesh.indices.size() / 3;
   const size_t opaque = std::min<size_t>(triangles, mesh.see_through_first_index / 3);
   std::vector<TreePart> occluding = parts_of(mesh, 0, opaque),
@@ -94,8 +104,9 @@ std::shared_ptr<const Geometry> build_checked(MeshData mesh, const ContentHash& 
   geometry->hash = hash;
   geometry->key = key;
   geometry->occluding_index_count = static_cast<uint32_t>(3 * occluding.size());
-  geometry->occluding = build_tree(occluding, 0);
-  geometry->see_through = build_tree(see_through, geometry->occluding_index_count);
+  geometry->occluding = build_tree(occluding, 0, work);
+  geometry->see_through = build_tree(see_through, geometry->occluding_index_count, work);
+  if (work.ends_now()) return nullptr;
   geometry->indices.reserve(3 * (occluding.size() + see_through.size()));
   append_in_order(occluding, mesh.indices, geometry->indices);
   append_in_order(see_through, mesh.indices, geometry->indices);
@@ -133,8 +144,9 @@ ContentHash hash_mesh(const MeshData& mesh) {
 Result<std::shared_ptr<const Geometry>> build_geometry(MeshData mesh) {
   if (const Status ok = check_mesh(mesh); !ok) return tl::unexpected(ok.error());
   const ContentHash hash = hash_mesh(mesh);
-  const GeometryKey key = key_of(mesh);
-  return build_checked(std::move(mesh), hash, key);
+  WorkLimit::Part endless(nullptr);
+  const GeometryKey key = *key_of(mesh, endless);
+  return build_checked(std::move(mesh), hash, key, endless);
 }
 
 namespace {
@@ -148,6 +160,10 @@ using Bytes = std::shared_ptr<std::atomic<size_t>>;
 template <typename Build>
 std::shared_ptr<const Geometry> counted(size_t reserved, const Bytes& bytes, const Build& build) try {
   std::shared_ptr<const Geometry> built = build();
+  if (!built) {
+    bytes->fetch_sub(reserved);
+    return nullptr;
+  }
   const size_t own = built->bytes();
   const Geometry* const plain = built.get();
   std::shared_ptr<const Geometry> guarded(plain, [built = std::move(built), bytes, own](const Geometry*) mutable {
@@ -171,8 +187,11 @@ bool GeometryStore::reserve(size_t bytes) {
   return false;
 }
 
-Result<std::shared_ptr<const Geometry>> GeometryStore::intern(MeshData mesh) {
-  const GeometryKey key = key_of(mesh);
+Result<std::shared_ptr<const Geometry>> GeometryStore::intern(MeshData mesh, WorkLimit* limit) {
+  WorkLimit::Part work(limit);
+  const auto digest = key_of(mesh, work);
+  if (!digest) return tl::unexpected(limit->error());
+  const GeometryKey& key = *digest;
   if (auto alive = find(key)) return alive;
   if (const Status ok = check_mesh(mesh); !ok) return tl::unexpected(ok.error());
   const ContentHash hash = hash_mesh(mesh);
@@ -181,8 +200,9 @@ Result<std::shared_ptr<const Geometry>> GeometryStore::intern(MeshData mesh) {
     return fail(ErrorCode::kResourceExhausted, "",
                 "the geometry of all scenes and shapes together takes more than " + std::to_string(max_bytes_ >> 20) +
                     " MiB (--geometry-memory-mib)");
-  auto built = max_bytes_ == 0 ? build_checked(std::move(mesh), hash, key)
-                               : counted(reserved, bytes_, [&] { return build_checked(std::move(mesh), hash, key); });
+  const auto build = [&] { return build_checked(std::move(mesh), hash, key, work); };
+  auto built = max_bytes_ == 0 ? build() : counted(reserved, bytes_, build);
+  if (!built) return tl::unexpected(limit->error());
   const std::lock_guard lock(mutex_);
   if (by_key_.size() >= forget_at_size_) forget_dead();
   std::weak_ptr<const Geometry>& kept = by_key_[key];

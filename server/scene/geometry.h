@@ -18,6 +18,7 @@
 
 #include "server/base/error.h"
 #include "server/base/hash.h"
+#include "server/base/work_limit.h"
 
 namespace sightline {
 
@@ -108,12 +109,14 @@ class GeometryStore {
   // The store holds at most `max_bytes`, by an estimate while a geometry is built; 0: no limit.
   explicit GeometryStore(size_t max_bytes = 0) : max_bytes_(max_bytes) {}
   // The geometry of this mesh: the existing copy, or a new one. Fails as build_geometry does, and with kResourceExhausted
-  // when there is no room for a new one. Nothing is built then.
-  Result<std::shared_ptr<const Geometry>> intern(MeshData mesh);
+  // when there is no room for a new one. Nothing is built then. Fails with work->error() when `work` ends; null: nothing ends it.
+  Result<std::shared_ptr<const Geometry>> intern(MeshData mesh, WorkLimit* work = nullptr);
   // Bytes of all geometries in use, each counted once.
   GeometryBytes live_bytes_by_part() const;
   size_t live_bytes() const { return live_bytes_by_part().total(); }
   size_t live_count() const;
+  // What counts against `max_bytes` now.
+  size_t reserved_bytes() const { return *bytes_; }
 
  private:
   std::shared_ptr<const Geometry> find(const GeometryKey& key) const;

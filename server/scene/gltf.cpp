@@ -73,11 +73,14 @@ Result<std::shared_ptr<const SceneAsset>> read_document(std::span<const std::byt
   const auto checked = check_gltf_json(*json, limits);
   if (!checked) return tl::unexpected(checked.error());
   // 3. The buffers, and the structure through tinygltf.
-  GltfDocument document{*json};
+  WorkLimit::Part work(limits.work);
+  GltfDocument document{*json, work};
   document.budget = budget_of(limits);
   if (const Status s = load_gltf_buffers(*container, external, limits, document); !s)
     return tl::unexpected(s.error());
+  if (const Status s = go_on(document); !s) return tl::unexpected(s.error());
   if (const Status s = parse_model(*checked, document.model); !s) return tl::unexpected(s.error());
+  if (const Status s = go_on(document); !s) return tl::unexpected(s.error());
   // 4. The asset.
   auto asset = std::make_shared<SceneAsset>();
   asset->hash = hash_of(bytes, document.external_hashes);

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "server/base/work_limit.h"
 #include "server/scene/asset.h"
 
 namespace sightline {
@@ -29,6 +30,8 @@ struct GltfLimits {
   size_t max_unpacked_bytes = size_t{4} << 30;
   // The flags that set the limits, for refusals: of instances, and of the others; empty: none does.
   std::string instances_flag = {}, memory_flag = {};
+  // Ends the reading; null: nothing does.
+  WorkLimit* work = nullptr;
 
   // Limits for a server that has so many bytes for geometry: one file takes about as much at most while it is read. A short file can name
   // the same data again and again, so its own size says little.

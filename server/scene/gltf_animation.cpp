@@ -95,6 +95,7 @@ class AnimationReader {
     animation.name = source.name;
     std::set<std::pair<int, AssetChannel::Path>> seen;
     for (size_t i = 0; i < source.channels.size(); ++i) {
+      if (document_.work.ends(64)) return tl::unexpected(document_.work.limit()->error());
       const std::string channel_field = field + "." + gltf_path("channels", i);
       const int node = asset_node_of_[static_cast<size_t>(source.channels[i].target_node)];
       if (const auto reason = reason_to_skip(source.channels[i], node, asset_)) {

@@ -130,7 +130,9 @@ Status load_gltf_buffers(const GltfContainer& container, const ExternalFile& ext
   BufferLoader loader(container, external, limits, document);
   const std::vector<bool> is_fallback = meshopt_fallback_buffers(json);
   for (size_t i = 0; i < json["buffers"].size(); ++i)
-    if (i < is_fallback.size() && is_fallback[i])
+    if (document.work.ends(64))
+      return tl::unexpected(document.work.limit()->error());
+    else if (i < is_fallback.size() && is_fallback[i])
       document.buffers.emplace_back();
     else if (const Status status = loader.load(json["buffers"][i], i); !status)
       return status;

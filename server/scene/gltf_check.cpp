@@ -109,7 +109,7 @@ constexpr Member withheld(Member member) {
 // Walks a document along the table. Notes the first thing that is wrong.
 class JsonCheck {
  public:
-  explicit JsonCheck(const json& document) : document_(document) {}
+  JsonCheck(const json& document, WorkLimit* work) : document_(document), work_(work) {}
 
   void complain(std::string field, std::string message, ErrorCode code = ErrorCode::kInvalidArgument) {
     if (!error_) error_ = Error{code, std::move(field), std::move(message)};
@@ -192,7 +192,10 @@ class JsonCheck {
       complain(path, "must have " + std::to_string(member.high) + " numbers");
     if (member.kind == Kind::kArray) return value;
     json copy = json::array();
-    for (size_t i = 0; i < value.size() && !failed(); ++i) copy.push_back(check_item(value[i], at(path, i), member));
+    for (size_t i = 0; i < value.size() && !failed(); ++i) {
+      copy.push_back(check_item(value[i], at(path, i), member));
+      if (work_.ends()) error_ = work_.limit()->error();
+    }
     return copy;
   }
 
@@ -225,6 +228,7 @@ class JsonCheck {
   }
 
   const json& document_;
+  WorkLimit::Part work_;
   std::optional<Error> error_;
 };
 
@@ -424,7 +428,7 @@ constexpr Member kBody[] = {withheld(objects("buffers", kBuffer)),
 }  // namespace
 
 Result<json> check_gltf_json(const json& document, const GltfLimits& limits) {
-  JsonCheck check(document);
+  JsonCheck check(document, limits.work);
   json head = check.walk(document, "", kHead, check_required_extensions);
   if (const auto nodes = document.find("nodes"); nodes != document.end() && nodes->size() > limits.max_nodes)
     check.complain("nodes", "has more than " + std::to_string(limits.max_nodes) + " items",

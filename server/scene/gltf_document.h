@@ -43,6 +43,7 @@ struct GltfBudget {
 // Every reference inside `json` and `model` is valid (gltf_check.cpp); the ranges of accessors are checked when they are read.
 struct GltfDocument {
   const nlohmann::json& json;  // the whole document
+  WorkLimit::Part& work;       // of the thread that reads it
   tinygltf::Model model = {};  // of the checked members only
   std::vector<std::span<const std::byte>> buffers = {};  // one per buffer, exactly byteLength long
   std::map<size_t, std::span<const std::byte>> unpacked_views = {};  // by buffer view: those that were packed and have been read
@@ -51,6 +52,12 @@ struct GltfDocument {
   GltfBudget budget = {};
   GltfWarnings warnings = {};
 };
+
+// Fails when the work on the document has to end. Between parts that are long.
+inline Status go_on(GltfDocument& document) {
+  if (document.work.ends_now()) return tl::unexpected(document.work.limit()->error());
+  return {};
+}
 
 // "nodes[3]", "meshes[0].primitives[1]"
 std::string gltf_path(const char* collection, size_t index);

@@ -26,7 +26,7 @@ struct Bounds {
 template <typename Base>
 class BoundedDecoder : public Base {
  public:
-  explicit BoundedDecoder(const Bounds& bounds) : bounds_(bounds) {}
+  BoundedDecoder(const Bounds& bounds, WorkLimit::Part& work) : bounds_(bounds), work_(work) {}
   // True when a failure was caused by a bound.
   bool exceeded() const { return exceeded_; }
   size_t bytes() const { return bytes_; }
@@ -36,6 +36,7 @@ class BoundedDecoder : public Base {
 
   // Attributes are described by now, and hold nothing.
   bool DecodeAllAttributes() override {
+    if (work_.ends_now()) return false;
     const draco::PointCloud& cloud = *this->point_cloud();
     for (int i = 0; i < cloud.num_attributes(); ++i) {
       const draco::PointAttribute& attribute = *cloud.attribute(i);
@@ -68,6 +69,7 @@ class BoundedDecoder : public Base {
   bool take(size_t bytes) { return within((bytes_ += bytes) <= bounds_.max_bytes); }
 
   const Bounds bounds_;
+  WorkLimit::Part& work_;
   size_t bytes_ = 0;
   bool exceeded_ = false;
 };
@@ -92,8 +94,8 @@ std::optional<draco::DataType> draco_type(int component_type) {
 // One primitive's stream on its way to a DracoMesh.
 class Unpacking {
  public:
-  Unpacking(std::span<const std::byte> bytes, const Bounds& bounds, std::string field)
-      : bytes_(bytes), bounds_(bounds), field_(std::move(field)) {}
+  Unpacking(std::span<const std::byte> bytes, const Bounds& bounds, WorkLimit::Part& work, std::string field)
+      : bytes_(bytes), bounds_(bounds), work_(work), field_(std::move(field)) {}
 
   // Returns the bytes that it took.
   Result<size_t> decode() {
@@ -143,10 +145,11 @@ class Unpacking {
 
   template <typename Decoder>
   Result<size_t> decode_with() {
-    BoundedDecoder<Decoder> decoder(bounds_);
+    BoundedDecoder<Decoder> decoder(bounds_, work_);
     draco::DecoderBuffer buffer = start();
     const draco::DecoderOptions options;
     const draco::Status status = decoder.Decode(options, &buffer, &mesh_);
+    if (work_.ends_now()) return tl::unexpected(work_.limit()->error());
     if (decoder.exceeded())
       return fail(ErrorCode::kResourceExhausted, field_,
                   "unpacks to more triangles than its accessors state, or to more bytes than are allowed");
@@ -161,6 +164,7 @@ class Unpacking {
 
   const std::span<const std::byte> bytes_;
   const Bounds bounds_;
+  WorkLimit::Part& work_;
   const std::string field_;
   draco::Mesh mesh_;
 };
@@ -179,7 +183,7 @@ Result<DracoMesh> unpack_draco(GltfDocument& document, const tinygltf::Value& pa
       gltf_view_bytes(document, static_cast<size_t>(packing.Get("bufferView").GetNumberAsInt()));
   if (!bytes) return tl::unexpected(bytes.error());
   const tinygltf::Accessor& accessor = document.model.accessors[static_cast<size_t>(position)];
-  Unpacking unpacking(*bytes, {max_triangles, document.budget.unpacked_bytes}, field);
+  Unpacking unpacking(*bytes, {max_triangles, document.budget.unpacked_bytes}, document.work, field);
   const auto taken = unpacking.decode();
   if (!taken) return tl::unexpected(taken.error());
   if (const Status s = GltfBudget::take(document.budget.unpacked_bytes, *taken, field, "unpacked bytes"); !s)

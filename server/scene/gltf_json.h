@@ -11,7 +11,8 @@
 
 namespace sightline {
 
-// Parses without recursion; stops at the first value beyond the limits of depth, number and length.
+// Parses without recursion, in a time that grows with the length alone; stops at the first value beyond the limits of depth, number and
+// length, and when limits.work ends.
 Result<nlohmann::json> parse_gltf_json(std::string_view text, const GltfLimits& limits);
 
 // Checks types, lengths and references. After success every index in the document refers to something that exists. Every number

@@ -184,6 +184,7 @@ MeshData join(Triangles occluding, const Triangles& see_through) {
 Result<MeshData> read_mesh(GltfDocument& document, const tinygltf::Mesh& mesh, const std::string& field) {
   Triangles occluding, see_through;
   for (size_t i = 0; i < mesh.primitives.size(); ++i) {
+    if (document.work.ends(256)) return tl::unexpected(document.work.limit()->error());
     Triangles& out = is_see_through(document.model, mesh.primitives[i]) ? see_through : occluding;
     const Status status =
         read_primitive(document, mesh.primitives[i], field + "." + gltf_path("primitives", i), out);
@@ -194,9 +195,10 @@ Result<MeshData> read_mesh(GltfDocument& document, const tinygltf::Mesh& mesh, c
 
 // Null when all triangles are degenerate, or there are none.
 Result<std::shared_ptr<const Geometry>> build_mesh(MeshData mesh, const std::string& field,
-                                                   GeometryStore& store) {
+                                                   GeometryStore& store, WorkLimit* work) {
   if (mesh.indices.empty()) return nullptr;
-  auto geometry = store.intern(std::move(mesh));
+  auto geometry = store.intern(std::move(mesh), work);
+  if (!geometry && work && work->ended()) return geometry;
   if (!geometry)
     geometry.error().field = field + "." + geometry.error().field;
   else if ((*geometry)->triangle_count() == 0)
@@ -217,7 +219,7 @@ Status read_gltf_meshes(GltfDocument& document, GeometryStore& store, SceneAsset
   }
   std::vector<Result<std::shared_ptr<const Geometry>>> built(meshes.size());
   parallel_for(meshes.size(),
-               [&](size_t i) { built[i] = build_mesh(std::move(read[i]), gltf_path("meshes", i), store); });
+               [&](size_t i) { built[i] = build_mesh(std::move(read[i]), gltf_path("meshes", i), store, document.work.limit()); });
   for (auto& geometry : built) {
     if (!geometry) return tl::unexpected(std::move(geometry.error()));
     asset.meshes.push_back(std::move(*geometry));

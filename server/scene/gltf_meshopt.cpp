@@ -89,6 +89,7 @@ Result<std::span<const std::byte>> unpack_meshopt_view(GltfDocument& document, s
   const size_t size = stream->count * stream->stride;
   if (const Status s = GltfBudget::take(document.budget.unpacked_bytes, size, field, "unpacked bytes"); !s)
     return tl::unexpected(s.error());
+  if (const Status s = go_on(document); !s) return tl::unexpected(s.error());
   std::vector<std::byte> out(size);
   if (!decode(*stream, out)) return damaged;
   apply_filter(*stream, out);

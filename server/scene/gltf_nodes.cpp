@@ -257,6 +257,7 @@ Status read_gltf_nodes(GltfDocument& document, const GltfLimits& limits, SceneAs
   while (!open.empty()) {
     const auto index = static_cast<size_t>(open.back());
     open.pop_back();
+    if (document.work.ends(4)) return tl::unexpected(document.work.limit()->error());
     auto node = read_node(document, index, asset_camera_of);
     if (!node) return tl::unexpected(std::move(node.error()));
     if ((*parent)[index] >= 0) node->parent = asset_node_of[static_cast<size_t>((*parent)[index])];

@@ -68,19 +68,25 @@ SceneLibrary::SceneLibrary(std::string folder, GltfLimits limits, GeometryStore&
       kept_bytes_(kept_bytes),
       owner_bytes_(owner_bytes) {}
 
-Result<std::shared_ptr<const SceneAsset>> SceneLibrary::load_named(const std::string& name) {
+Result<std::shared_ptr<const SceneAsset>> SceneLibrary::load_named(const std::string& name, WorkLimit* work) {
   if (folder_.empty()) return fail(ErrorCode::kFailedPrecondition, kField, "--scene-dir is not set");
   if (!opened_) return fail(ErrorCode::kUnavailable, kField, "the scene folder cannot be opened");
   if (!is_scene_name(name)) return invalid(kField, "must end in .glb or .gltf");
   if (Asset asset = find_unchanged(name)) return asset;
 
   std::vector<Source> sources;
-  auto asset = read_named(name, sources);
+  auto asset = read_named(name, sources, work);
   if (!asset) return asset;
   const std::lock_guard lock(mutex_);
   Asset shared = remember(std::move(*asset), {});
   named_[name] = {std::move(sources), shared};
   return shared;
+}
+
+GltfLimits SceneLibrary::limits_with(WorkLimit* work) const {
+  GltfLimits limits = limits_;
+  limits.work = work;
+  return limits;
 }
 
 // The lock is not held while the disk is read.
@@ -104,7 +110,7 @@ SceneLibrary::Asset SceneLibrary::find_unchanged(const std::string& name) {
 }
 
 Result<SceneLibrary::Asset> SceneLibrary::read_named(const std::string& name,
-                                                     std::vector<Source>& sources) const {
+                                                     std::vector<Source>& sources, WorkLimit* work) const {
   auto file = opened_->read(name, limits_.max_file_bytes);
   if (!file) return tl::unexpected(with_field(std::move(file.error()), kField));
   sources.push_back({name, file->stamp});
@@ -115,14 +121,14 @@ Result<SceneLibrary::Asset> SceneLibrary::read_named(const std::string& name,
     sources.push_back({path, content->stamp});
     return std::move(content->bytes);
   };
-  auto asset = read_gltf(file->bytes, external, store_, limits_);
+  auto asset = read_gltf(file->bytes, external, store_, limits_with(work));
   if (!asset) return tl::unexpected(with_field(std::move(asset.error()), kField));
   return asset;
 }
 
 Result<std::shared_ptr<const SceneAsset>> SceneLibrary::add_uploaded(std::span<const std::byte> bytes,
-                                                                     const std::string& owner) {
-  auto asset = read_gltf(bytes, nullptr, store_, limits_);
+                                                                     const std::string& owner, WorkLimit* work) {
+  auto asset = read_gltf(bytes, nullptr, store_, limits_with(work));
   if (!asset) return asset;
   std::shared_ptr<const std::string> kept;
   if (keep_uploaded_bytes_) {

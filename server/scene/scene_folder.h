@@ -43,7 +43,8 @@ class SceneLibrary {
 
   // Loads "hall.glb" or "levels/one.gltf". Reads again when the modification time or size of the file, or of a file that it refers to,
   // has changed. Fails with field "scene.name" (kInvalidArgument for a name that leaves the folder; kNotFound), or as read_gltf does.
-  Result<std::shared_ptr<const SceneAsset>> load_named(const std::string& name);
+  // `work` ends the reading; null: nothing does.
+  Result<std::shared_ptr<const SceneAsset>> load_named(const std::string& name, WorkLimit* work = nullptr);
   // True when load_named would return without reading the file.
   bool is_loaded(const std::string& name) { return find_unchanged(name) != nullptr; }
   // Reads uploaded bytes, which may not refer to other files, and keeps the asset under its hash while it is in use. Uploads are
@@ -51,7 +52,7 @@ class SceneLibrary {
   // owner with the most scenes loses its oldest one; beyond kept_bytes, the owner with the most bytes. An owner is the name of a client. Equal
   // files of two owners are two assets, which share their geometries. When the owner's uploads take more than owner_bytes, it loses
   // its oldest ones that no session uses. Fails with kResourceExhausted when that does not suffice, and as read_gltf does; nothing has changed then.
-  Result<std::shared_ptr<const SceneAsset>> add_uploaded(std::span<const std::byte> bytes, const std::string& owner = {});
+  Result<std::shared_ptr<const SceneAsset>> add_uploaded(std::span<const std::byte> bytes, const std::string& owner = {}, WorkLimit* work = nullptr);
   // Finds a loaded asset: an upload of the reader's own, or a named scene. kNotFound (field "scene.hash") when there is none.
   Result<std::shared_ptr<const SceneAsset>> find(const ContentHash& hash, const SceneReader& reader = {});
   // The files of a loaded scene, so that it can be loaded elsewhere: the scene file first, then the files that it refers to. Named files
@@ -98,7 +99,8 @@ class SceneLibrary {
   Result<SceneFile> read_again(const Source& source);
   std::string name_of(const ContentHash& hash);  // of a loaded named scene; empty when there is none
   Asset find_unchanged(const std::string& name);
-  Result<Asset> read_named(const std::string& name, std::vector<Source>& sources) const;
+  Result<Asset> read_named(const std::string& name, std::vector<Source>& sources, WorkLimit* work) const;
+  GltfLimits limits_with(WorkLimit* work) const;
   // By owner, so that a client can neither find another's upload nor put its own in the place of it. Named scenes have no owner.
   template <typename Value>
   using ByHash = std::map<std::pair<std::string, ContentHash>, std::weak_ptr<Value>>;

@@ -122,7 +122,7 @@ class TreeBuilder {
   TreeBuilder(std::span<TreePart> parts, uint32_t first_index) : parts_(parts), first_index_(first_index) {}
 
   // Appends the subtree over parts [begin, end), as if `tree` began at the root.
-  void build_range(size_t begin, size_t end, int depth, TriangleTree& tree) const {
+  void build_range(size_t begin, size_t end, int depth, TriangleTree& tree, WorkLimit::Part& work) const {
     assert(depth <= kMaxTreeDepth);
     const size_t self = tree.size();
     Box box, centroids;
@@ -135,20 +135,21 @@ class TreeBuilder {
                     first_index_ + static_cast<uint32_t>(3 * begin),
                     static_cast<uint32_t>(3 * (end - begin)),
                     0});
-    if (end - begin <= kMaxClusterTriangles) return;
+    if (end - begin <= kMaxClusterTriangles || work.ends(1 + (end - begin) / 16)) return;
     const size_t middle = split(begin, end, centroids, depth);
-    if (end - begin >= kParallelTriangles) return build_both(begin, middle, end, depth, tree);
-    build_range(begin, middle, depth + 1, tree);
+    if (end - begin >= kParallelTriangles) return build_both(begin, middle, end, depth, tree, work.limit());
+    build_range(begin, middle, depth + 1, tree, work);
     tree[self].right = static_cast<uint32_t>(tree.size());
-    build_range(middle, end, depth + 1, tree);
+    build_range(middle, end, depth + 1, tree, work);
   }
 
  private:
   // The two children of the last node in `tree`, at the same time.
-  void build_both(size_t begin, size_t middle, size_t end, int depth, TriangleTree& tree) const {
+  void build_both(size_t begin, size_t middle, size_t end, int depth, TriangleTree& tree, WorkLimit* limit) const {
     std::array<TriangleTree, 2> children;
     parallel_for(2, [&](size_t side) {
-      build_range(side == 0 ? begin : middle, side == 0 ? middle : end, depth + 1, children[side]);
+      WorkLimit::Part work(limit);
+      build_range(side == 0 ? begin : middle, side == 0 ? middle : end, depth + 1, children[side], work);
     });
     const size_t self = tree.size() - 1;
     for (size_t side = 0; side < 2; ++side) {
@@ -210,9 +211,9 @@ class TreeBuilder {
 
 }  // namespace
 
-TriangleTree build_tree(std::span<TreePart> parts, uint32_t first_index) {
+TriangleTree build_tree(std::span<TreePart> parts, uint32_t first_index, WorkLimit::Part& work) {
   TriangleTree tree;
-  if (!parts.empty()) TreeBuilder(parts, first_index).build_range(0, parts.size(), 0, tree);
+  if (!parts.empty()) TreeBuilder(parts, first_index).build_range(0, parts.size(), 0, tree, work);
   return tree;
 }
 

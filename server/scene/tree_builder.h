@@ -26,7 +26,8 @@ struct TreePart {
 
 // Sorts `parts` by cluster and builds the tree over them. Triangle k in the new order has the indices
 // [first_index + 3 k, first_index + 3 k + 3). Large subtrees are built on several cores; the result
-// does not depend on how many. No bounds may be empty or have a coordinate beyond kMaxCoordinateM.
-TriangleTree build_tree(std::span<TreePart> parts, uint32_t first_index);
+// does not depend on how many. No bounds may be empty or have a coordinate beyond kMaxCoordinateM. When the work has to end, the
+// tree is not to be used.
+TriangleTree build_tree(std::span<TreePart> parts, uint32_t first_index, WorkLimit::Part& work);
 
 }  // namespace sightline

@@ -38,18 +38,20 @@ class Known {
 
 }  // namespace
 
-void weld(std::vector<glm::vec3>& positions, std::vector<uint32_t>& indices) {
+bool weld(std::vector<glm::vec3>& positions, std::vector<uint32_t>& indices, WorkLimit::Part& work) {
   Known known(positions.size());
   std::vector<uint32_t> place(positions.size());
   // Merges in place: the write position never passes the read position.
   uint32_t count = 0;
   for (size_t i = 0; i < positions.size(); ++i) {
+    if (work.ends()) return false;
     place[i] = known.find_or_add(positions[i], positions, count);
     if (place[i] == count) positions[count++] = positions[i];
   }
-  if (count == positions.size()) return;
+  if (count == positions.size()) return true;
   positions.resize(count);
   for (uint32_t& index : indices) index = place[index];
+  return true;
 }
 
 }  // namespace sightline

@@ -6,12 +6,14 @@
 #include <glm/glm.hpp>
 #include <vector>
 
+#include "server/base/work_limit.h"
+
 namespace sightline {
 
 // Keeps the first of all positions that are equal bit for bit and redirects `indices`. The order of the positions stays, and unused
 // positions are kept. Every index must be valid. The time is proportional to the number of positions for any input. Where the
 // hash table would have to search long, equal positions may therefore stay separate. meshopt_generateVertexRemap has no such
-// bound, and files are not trusted.
-void weld(std::vector<glm::vec3>& positions, std::vector<uint32_t>& indices);
+// bound, and files are not trusted. False when the work had to end; the mesh is spoilt then.
+bool weld(std::vector<glm::vec3>& positions, std::vector<uint32_t>& indices, WorkLimit::Part& work);
 
 }  // namespace sightline

@@ -34,6 +34,7 @@ enum class Limit : size_t {
   kClientScenesMemory,
   kReflectionCalls,
   kHealthWatches,
+  kMaxLoad,
   kCount
 };
 
@@ -44,7 +45,7 @@ inline constexpr std::array<const char*, static_cast<size_t>(Limit::kCount)> kLi
     "max-uploads",      "open-timeout-s",          "session-idle-s",         "upload-timeout-s",
     "geometry-memory-mib", "messages-memory-mib",     "client-memory-mib",
     "client-scenes-memory-mib",
-    "max-reflection-calls", "max-health-watches"};
+    "max-reflection-calls", "max-health-watches", "max-load-s"};
 
 // The limit whose flag a refusal names, as "(--max-uploads)". Other errors, which may quote what a client sent, name none.
 inline std::optional<Limit> limit_of(const Error& refusal) {

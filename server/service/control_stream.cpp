@@ -95,7 +95,9 @@ ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& lim
       max_message_memory_(limits.max_message_memory),
       idle_limit_(limits.session_idle),
       driver_(std::make_unique<SessionDriver>(parts, session_id, std::move(reader))),
-      inbox_(limits.inbox_messages, limits.inbox_bytes, share_) {}
+      inbox_(limits.inbox_messages, limits.inbox_bytes, share_) {
+  turn_.unwanted = [this] { return unwanted_.load(); };
+}
 
 // --- reactions
 // ---------------------------------------------------------------------------------------------------
@@ -211,7 +213,7 @@ bool ControlStream::take_session(std::unique_ptr<DetachedSession>& session, cons
   token_ = std::move(session->token);
   driver_ = std::move(session->driver);
   pace_ = session->pace;
-  needs_loader_ = false;
+  opening_ = needs_loader_ = false;
   v1::ControlResponse reply;
   v1::SessionOpened& opened = *reply.mutable_opened();
   driver_->describe(opened);
@@ -250,6 +252,8 @@ void ControlStream::on_write(bool ok) {
 void ControlStream::on_cancel() {
   const std::lock_guard lock(mutex_);
   cancelled_ = true;
+  // A session that is kept goes on as if its stream had not broken.
+  if (token_.empty()) unwanted_ = true;
   if (freed_at_the_end_ && detach()) freed_at_the_end_ = false;
   advance();
 }
@@ -313,6 +317,8 @@ void ControlStream::end_without_memory() {
 void ControlStream::drain(const std::string& reason) {
   const std::lock_guard lock(mutex_);
   if (finished_) return;
+  // Nobody waits for a file to be read while the server shuts down.
+  if (opening_) unwanted_ = true;
   v1::ControlResponse reply;
   reply.mutable_drain()->set_reason(reason);
   outbox_.push(std::move(reply));
@@ -322,6 +328,7 @@ void ControlStream::drain(const std::string& reason) {
 void ControlStream::end(const grpc::Status& status) {
   const std::lock_guard lock(mutex_);
   if (!end_status_) end_status_ = status;
+  unwanted_ = true;
   advance();
 }
 
@@ -461,7 +468,8 @@ void ControlStream::end_turn(const TakenMaps& taken) {
                                         .cost_ns = taken.cost_ns + (end_ns - start_ns),
                                         .behind = !inbox_.empty()};
   turn_state_ = TurnState::kNone;
-  needs_loader_ = !driver_->opened() || turn_.needs_loader;
+  opening_ = !driver_->opened();
+  needs_loader_ = opening_ || turn_.needs_loader;
   inbox_.put_back(turn_.messages);
   if (resumable_ && token_.empty() && driver_->opened()) issue_token();
   for (v1::ControlResponse& reply : turn_.replies) outbox_.push(std::move(reply));

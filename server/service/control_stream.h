@@ -27,6 +27,7 @@
 // and no write is under way; nothing is started after it.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <memory>
 #include <mutex>
@@ -150,6 +151,7 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
   bool heard_ = false;        // a message has come
   int silent_alarms_ = 0;     // alarms since the last message, or since the client took the last reply if one is being written
   bool alarm_set_ = false;    // an alarm is under way
+  bool opening_ = true;       // no turn has opened the session
   bool needs_loader_ = true;  // the next turn may take long: it opens the session, or the driver said so
   int64_t due_ns_ = 0;        // deadline of the turn
   // Resuming.
@@ -160,6 +162,7 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
   bool gives_up_ = false;                  // another stream resumes the session
   // How the call ends.
   bool cancelled_ = false;                  // at once
+  std::atomic<bool> unwanted_{false};       // what it loads; set under mutex_, asked without
   std::optional<grpc::Status> end_status_;  // with this status, once outbox_ is written
   bool hurried_ = false;                    // the last alarm has begun; then the call is cancelled
   bool finished_ = false;                   // `finish_call` was called

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "server/schedule/fair_shares.h"
+#include "server/base/work_limit.h"
 #include "server/gate/credentials.h"
 #include "server/service/log.h"
 #include "server/schedule/scheduler.h"
@@ -29,7 +30,8 @@ struct ServiceParts {
   ExtentCache& extents;
   SamplerDevice& sampler;
   Scheduler& scheduler;  // applies ticks and takes steps
-  WorkerPool& loaders;   // read scenes and open sessions, which can take seconds, so that no step waits for that
+  WorkerPool& loaders;    // open sessions, which can take seconds, so that no step waits for that
+  WorkerPool& uploaders;  // read uploaded files; apart from the loaders, so that no opening waits for that
   StreamRegistry& streams;
   FairShares& shares;  // of the scheduler's threads
   StepStats& stats;
@@ -42,6 +44,7 @@ struct ServiceParts {
   SessionLimits session_limits = {};
   InstanceMemory* instance_memory = nullptr;  // null: no limit for all sessions together
   const Credentials* credentials = nullptr;   // null: everyone who may connect may speak
+  WorkLimit::Rules load = {};                 // of reading one file, or one opening
 };
 
 struct ServiceLimits {

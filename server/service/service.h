@@ -35,6 +35,9 @@ class CameraControlService final
   // Whether the daemon is ready, for its own statistics; until then it is. Called at most once, before the server starts.
   void tell_ready_by(std::function<bool()> ready) { ready_ = std::move(ready); }
 
+  // Ends all uploads: the server is shutting down.
+  void end_uploads() { uploads_.end_all(); }
+
   // Lets `loop` take calls of Control, from now until the server shuts down. Called once for each loop, after the server
   // has started.
   void take_calls(EventLoop& loop);

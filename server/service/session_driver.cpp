@@ -6,6 +6,7 @@
 #include <new>
 #include <utility>
 
+#include "server/session/target_tables.h"
 #include "server/wire/error_to_proto.h"
 #include "server/wire/from_proto.h"
 #include "server/wire/to_proto.h"
@@ -117,29 +118,32 @@ void SessionDriver::open(Turn& turn) {
   const Inbox::Message message = std::move(turn.messages.front());
   turn.messages.pop_front();
   v1::ControlResponse reply;
+  WorkLimit work(parts_.load, turn.unwanted);
   const Status opened = message.request.has_open()
-                            ? open_session(message.request.open(), message.arrival_ns, *reply.mutable_opened())
+                            ? open_session(message.request.open(), message.arrival_ns, work, *reply.mutable_opened())
                             : tl::unexpected(kNotOpened);
   if (opened) {
     turn.replies.push_back(std::move(reply));
   } else {
     counters_.open_refused();
+    if (work.ended() && opened.error().code == ErrorCode::kResourceExhausted) counters_.hit(Limit::kMaxLoad);
     parts_.log.warn("open refused", {{"session", session_id_}, {"reason", to_string(opened.error())}});
     turn.end = status_from_error(opened.error());
   }
 }
 
-Status SessionDriver::open_session(const v1::OpenSession& request, int64_t arrival_ns, v1::SessionOpened& opened) {
+Status SessionDriver::open_session(const v1::OpenSession& request, int64_t arrival_ns, WorkLimit& work, v1::SessionOpened& opened) {
   // Before the shapes are built, which takes the memory.
   const size_t named = static_cast<size_t>(request.instances_size());
   if (Status ok = instances_.resize(named, bytes_of_shapes(request.instances()), 0, "open.instances"); !ok) return ok;
   std::vector<std::string> warnings;
-  auto options = session_options_from_proto(request, SceneSource{parts_.scenes, parts_.geometry, reader_}, warnings);
+  auto options = session_options_from_proto(request, SceneSource{parts_.scenes, parts_.geometry, reader_, &work}, warnings);
   if (!options) return tl::unexpected(std::move(options.error()));
   if (Status ok = check_cost(options->settings, options->targets, "open.settings"); !ok) return ok;
   const size_t count = options->instances.size();
   state_bytes_ = session_state_bytes(options->settings, options->targets.size());
   if (Status ok = instances_.resize(count, bytes_of_shapes(request.instances()), state_bytes_, "open.instances"); !ok) return ok;
+  if (Status ok = build_target_tables(*options, parts_.extents, work); !ok) return ok;
   options->extents = &parts_.extents;
   auto session = Session::open(std::move(*options), parts_.sampler.make_sampler(), parts_.clock);
   if (!session) return tl::unexpected(std::move(session.error()));
@@ -195,7 +199,9 @@ std::optional<uint64_t> SessionDriver::apply_ticks(Turn& turn) {
                         (takes_long(tick, *session_, parts_.scenes) || recording_.lacks_scenes(tick));
     if (turn.needs_loader) break;
     if (message.request.has_tick()) newest_sequence_ = tick.sequence();
-    if (const Status applied = apply(message)) {
+    std::optional<WorkLimit> work;
+    if (turn.may_take_long) work.emplace(parts_.load, turn.unwanted);
+    if (const Status applied = apply(message, work ? &*work : nullptr)) {
       newest = tick.sequence();
       newest_arrival_ns_ = message.arrival_ns;
       note_step_control(tick.step_control());
@@ -214,7 +220,8 @@ void SessionDriver::note_step_control(const v1::StepControl& step) {
   if (step.has_quality_level()) chosen_level_ = static_cast<int>(step.quality_level());
 }
 
-Status SessionDriver::apply(const Inbox::Message& message) {
+// `work`: null in a turn that does not take long.
+Status SessionDriver::apply(const Inbox::Message& message, WorkLimit* work) {
   if (message.request.has_open()) return tl::unexpected(kOpenedTwice);
   if (message.request.has_resume()) return tl::unexpected(kResumedLate);
   if (!message.request.has_tick()) return tl::unexpected(kEmptyMessage);
@@ -223,8 +230,10 @@ Status SessionDriver::apply(const Inbox::Message& message) {
   const v1::SceneDelta& delta = message.request.tick().delta();
   const bool adds = !delta.added_instances().empty();
   if (Status ok = adds ? check_memory(delta, state_bytes_, "tick.delta.added_instances") : Status(); !ok) return ok;
-  auto tick = tick_from_proto(message.request.tick(), *session_, SceneSource{parts_.scenes, parts_.geometry, reader_});
+  auto tick = tick_from_proto(message.request.tick(), *session_, SceneSource{parts_.scenes, parts_.geometry, reader_, work});
   Status applied = tick ? check_budgets(*tick, delta) : tl::unexpected(std::move(tick.error()));
+  if (applied && work) applied = build_target_tables(*session_, *tick, parts_.extents, *work);
+  if (!applied && work && work->ended() && applied.error().code == ErrorCode::kResourceExhausted) counters_.hit(Limit::kMaxLoad);
   if (applied) {
     tick->arrival_ns = message.arrival_ns;
     applied = session_->apply(*tick);

@@ -12,6 +12,7 @@
 #pragma once
 
 #include <deque>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -37,6 +38,7 @@ class SessionDriver {
     // Set by the owner before `plan`:
     std::deque<Inbox::Message> messages;  // oldest first; `plan` leaves those that must wait for the next turn
     bool may_take_long = false;           // the turn runs on a loader
+    std::function<bool()> unwanted;       // nobody waits for the turn any more; asked while it takes long, from any thread
     int64_t tick_interval_ns = 1;         // as TickPace says, > 0
     v1::ControlResponse spare;               // a written reply whose memory the next reply uses
     // Set by `plan` and `finish`:
@@ -77,10 +79,10 @@ class SessionDriver {
   void guarded(Turn& turn, const Part& part);
 
   void open(Turn& turn);
-  Status open_session(const v1::OpenSession& request, int64_t arrival_ns, v1::SessionOpened& opened);
+  Status open_session(const v1::OpenSession& request, int64_t arrival_ns, WorkLimit& work, v1::SessionOpened& opened);
   TakeJob begin_step(Turn& turn);
   std::optional<uint64_t> apply_ticks(Turn& turn);
-  Status apply(const Inbox::Message& message);
+  Status apply(const Inbox::Message& message, WorkLimit* work);
   Status check_budgets(const TickInput& tick, const v1::SceneDelta& delta);
   Status check_memory(const v1::SceneDelta& delta, size_t state_bytes, const char* field);
   void account_memory(const v1::SceneDelta& delta);

@@ -37,12 +37,25 @@ size_t UploadPlaces::held_by(const std::string* client) const {
 
 void UploadPlaces::take(std::optional<Place>& place, const std::string& client, std::function<void()> cancel) {
   const std::lock_guard lock(mutex_);
+  if (ended_) return;
   if (held_by(&client) >= max_of_client()) make_room(&client);
   if (held_by(&client) >= max_of_client()) return;
   if (held_by(nullptr) >= max_uploads_) make_room(nullptr);
   if (held_by(nullptr) >= max_uploads_) return;
   uploads_.push_back({.client = client, .cancel = std::move(cancel), .since = std::chrono::steady_clock::now()});
   place.emplace(*this, std::prev(uploads_.end()));
+}
+
+void UploadPlaces::end_all() {
+  const std::lock_guard lock(mutex_);
+  ended_ = true;
+  for (Upload& upload : uploads_)
+    if (!std::exchange(upload.displaced, true)) upload.cancel();
+}
+
+bool UploadPlaces::ended() const {
+  const std::lock_guard lock(mutex_);
+  return ended_;
 }
 
 void UploadPlaces::make_room(const std::string* client) {

@@ -65,6 +65,9 @@ class UploadPlaces {
 
   // Most uploads of one client.
   size_t max_of_client() const { return std::max<size_t>(1, max_uploads_ / 2); }
+  // Ends all uploads, now and from now on: the server is shutting down.
+  void end_all();
+  bool ended() const;
   // Takes a place, or none when all that `client` may have are taken by uploads that move. `cancel` is called at most once, from any thread, when
   // the place is lost; it must return at once.
   void take(std::optional<Place>& place, const std::string& client, std::function<void()> cancel);
@@ -76,7 +79,8 @@ class UploadPlaces {
   void make_room(const std::string* client);
 
   const size_t max_uploads_, max_bytes_;
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
+  bool ended_ = false;  // guarded by mutex_
   Uploads uploads_;   // guarded by mutex_
   size_t bytes_ = 0;  // of all uploads; guarded by mutex_
 };

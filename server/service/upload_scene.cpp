@@ -2,6 +2,7 @@
 
 #include <grpcpp/impl/codegen/proto_utils.h>
 
+#include <atomic>
 #include <exception>
 #include <new>
 #include <optional>
@@ -16,6 +17,8 @@ namespace sightline {
 namespace {
 
 constexpr std::chrono::seconds kRetryDelay{2};
+// While the file is read, the call looks so often whether its client still waits.
+constexpr std::chrono::milliseconds kLookEvery{20};
 
 grpc::Status too_large(LimitCounts& counts, const std::string& what, size_t limit_bytes, const char* flag) {
   counts.hit(Limit::kMaxUpload);
@@ -49,9 +52,9 @@ grpc::Status collect(grpc::ServerReader<v1::UploadSceneRequest>& reader, const S
   return grpc::Status::OK;
 }
 
-grpc::Status load(const ServiceParts& parts, std::span<const std::byte> bytes, const std::string& client,
+grpc::Status load(const ServiceParts& parts, std::span<const std::byte> bytes, const std::string& client, WorkLimit& work,
                   v1::UploadSceneResponse& reply) try {
-  const auto asset = parts.scenes.add_uploaded(bytes, client);
+  const auto asset = parts.scenes.add_uploaded(bytes, client, &work);
   if (!asset) {
     if (const auto limit = limit_of(asset.error())) parts.stats.limits.hit(*limit);
     parts.log.info("upload refused", {{"reason", to_string(asset.error())}});
@@ -69,6 +72,22 @@ grpc::Status load(const ServiceParts& parts, std::span<const std::byte> bytes, c
   return {grpc::StatusCode::INTERNAL, "the file could not be read; the server's log says why"};
 }
 
+// Reads the file on an uploader's thread.
+grpc::Status load_apart(grpc::ServerContext& context, const ServiceParts& parts, std::span<const std::byte> bytes,
+                        const std::string& client, v1::UploadSceneResponse& reply) {
+  std::atomic<bool> unwanted{false};
+  WorkLimit work(parts.load, [&unwanted] { return unwanted.load(); });
+  grpc::Status status;
+  std::binary_semaphore loaded(0);
+  parts.uploaders.post([&] {
+    status = unwanted ? grpc::Status::CANCELLED : load(parts, bytes, client, work, reply);
+    loaded.release();
+  }, client);
+  while (!loaded.try_acquire_for(kLookEvery))
+    if (context.IsCancelled()) unwanted = true;
+  return unwanted ? grpc::Status::CANCELLED : status;
+}
+
 }  // namespace
 
 grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::UploadSceneRequest>& reader,
@@ -77,6 +96,7 @@ grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::U
   std::optional<UploadPlaces::Place> place;
   places.take(place, client, [&context] { context.TryCancel(); });
   LimitCounts& counts = parts.stats.limits;
+  if (!place && places.ended()) return {grpc::StatusCode::UNAVAILABLE, "the server is shutting down"};
   if (!place) {
     counts.hit(Limit::kMaxUploads);
     return exhausted_status("too many uploads are in progress, " + std::to_string(places.max_of_client()) +
@@ -91,20 +111,14 @@ grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::U
                                     {"bytes", std::to_string(bytes.size())}});
   }
   if (!place->complete()) {
+    if (places.ended()) return {grpc::StatusCode::UNAVAILABLE, "the server is shutting down"};
     counts.hit(Limit::kMaxUploads);
     parts.log.info("upload ended", {{"reason", "it was too slow, and another one needed its place"}, {"client", client}});
     return grpc::Status::CANCELLED;
   }
   // The first part of a file can be a valid file by itself, so an upload that was cut short is not read.
   if (timeout.ran_out() || context.IsCancelled()) return grpc::Status::CANCELLED;
-  grpc::Status status;
-  std::binary_semaphore loaded(0);
-  parts.loaders.post([&] {
-    status = load(parts, bytes, client, reply);
-    loaded.release();
-  }, client);
-  loaded.acquire();
-  return status;
+  return load_apart(context, parts, bytes, client, reply);
 }
 
 }  // namespace sightline

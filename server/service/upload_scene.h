@@ -13,7 +13,7 @@
 
 namespace sightline {
 
-// Collects the chunks, then reads the file on a loader's thread. Blocks until that is done.
+// Collects the chunks, then reads the file on an uploader's thread. Blocks until that is done, or the call ends: the reading ends then too.
 //
 // A call without a place is refused with RESOURCE_EXHAUSTED and a retry time, and so is one that would take too much memory
 // beside the others. A chunk or file that is too large is refused without a retry time. A call whose client sends nothing for

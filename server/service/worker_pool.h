@@ -13,12 +13,14 @@
 
 namespace sightline {
 
-// Runs tasks on `threads` threads. Clients take turns: one that has many tasks delays another's by one task for each thread. The
+// Runs tasks on `threads` threads. Clients take turns: one that has many tasks delays another's by one task for each thread. With several
+// threads one client has at most all but one of them, so that the next client need not wait for its long tasks. The
 // tasks of one client start in the order in which they were posted. The queue has no bound of its own. Every
 // stream and upload keeps at most one task in it, and their number is limited. Thread-safe.
 class WorkerPool {
  public:
-  explicit WorkerPool(unsigned threads);
+  // The system gives its threads less time beside others that want it, the higher `niceness` is, at most 19.
+  explicit WorkerPool(unsigned threads, int niceness = 0);
   // Runs the queued tasks, then joins the threads. Nothing may be posted from then on.
   ~WorkerPool();
   WorkerPool(const WorkerPool&) = delete;
@@ -30,16 +32,28 @@ class WorkerPool {
 
  private:
   using Task = std::function<void()>;
-  void work();
-  // These need mutex_; `take` also needs a task.
-  void begin_turns(const std::string& client, Task task);
-  Task take();
+  struct Client;
+  using Clients = std::map<std::string, Client>;
+  using Turns = std::list<Clients::iterator>;
+  struct Client {
+    std::deque<Task> tasks;
+    unsigned running = 0;
+    Turns turn;  // its place in turns_, while it is not there
+  };
 
+  void work(int niceness);
+  // These need mutex_; `take` also needs a turn.
+  void give_turn(Client& client);
+  Clients::iterator take(Task& task);
+  void finish(Clients::iterator client);
+
+  const unsigned most_of_client_;
   std::mutex mutex_;
   std::condition_variable wake_;
   // Guarded by mutex_.
-  std::map<std::string, std::deque<Task>> tasks_;  // by client; none is empty
-  std::list<std::string> turns_;                   // the clients of tasks_, next first
+  Clients clients_;     // that have tasks, waiting or running
+  Turns turns_;         // those whose next task may run, next first
+  size_t waiting_ = 0;  // tasks of all clients
   bool stopping_ = false;
 
   std::vector<std::thread> threads_;  // constant after construction

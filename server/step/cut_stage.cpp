@@ -89,6 +89,7 @@ void gather_round(const SampleInput& in, CutScratch& scratch) {
                                      glm::length(framed_offset_m(step, in.shot.shown_offset_m())));
   scratch.colliders.gather(step.input.scene, step.center_m(),
                            farthest_m + 2 * (swept_radius_m(step.input.limits, step.lens) + kBodySkinM), {});
+  scratch.colliders.allow(kMostTests);
 }
 
 void pick_sights(const SampleInput& in, TargetPicker& picker, CutPlace& place) {
@@ -168,6 +169,7 @@ glm::dvec3 first_velocity_mps(const MoveInput& in, const Pose& pose, ClearanceFi
   const double reach_m = glm::length(along_mps) * in.step.move_s + braking_distance_m(along_mps, input.limits) +
                          2 * (swept_radius_m(input.limits, in.step.lens) + kBodySkinM);
   field.gather(input.scene, pose.position_m, reach_m, {});
+  field.allow(kMostTests);
   const CameraState camera{pose, along_mps, glm::dvec3(0.0)};
   const SafeMove safe = make_safe(camera, along_mps, input.limits, in.step.lens, field, in.step.move_s);
   return safe.velocity_mps == along_mps && !safe.overlap ? along_mps : glm::dvec3(0.0);

@@ -501,6 +501,7 @@ class GoalSearch {
       for (const TargetPiece& piece : pieces) slots.push_back(piece.slot);
     std::sort(slots.begin(), slots.end());
     scratch_.far_colliders.gather(in_.step.input.scene, eye_m(), FarWayFinder::kReachM, slots);
+    scratch_.far_colliders.allow(kMostTests);
     WayPoints found_m;  // where nothing is found, the former way still leads nearer to the target
     if (scratch_.far_ways.find(scratch_.far_colliders, input, found_m) || to_shot) blind_.way_m = found_m;
   }

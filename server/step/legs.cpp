@@ -35,6 +35,7 @@ Leg first_leg(const MoveInput& in, std::span<const uint32_t> way, double body_ra
 std::optional<Leg> leg_to_trail(const MoveInput& in, double body_radius_m, ClearanceField& field) {
   const glm::dvec3 from_m = in.step.camera.pose.position_m;
   field.gather(in.step.input.scene, from_m, kTrailReachM + 2 * body_radius_m, {});
+  field.allow(kMostTests);
   const auto to_m = in.carried.trail.way_back(field, from_m, kTrailReachM, body_radius_m,
                                               in.step.input.settings.move.min_distance_m);
   if (!to_m) return std::nullopt;

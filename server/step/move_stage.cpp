@@ -148,6 +148,7 @@ void travel(const MoveInput& in, const glm::dvec3& wanted_mps, Decision& decisio
   const Lens& lens = in.step.lens;
   CameraState& camera = decision.camera;
   const glm::dvec3 pulled_mps = pulled(in, wanted_mps);
+  in.surroundings.colliders.allow(kMostTests);  // the choice of the goal may have used up its own
   const glm::dvec3 evading_mps = evade(camera, pulled_mps, limits, lens, in.surroundings.movers_ahead, in.surroundings.colliders, in.step.move_s);
   const bool blind = in.step.target_count() > 0 && in.sights.candidates.visible_targets[in.sights.own_candidate] == 0;
   const SafeMove safe = make_safe(camera, evading_mps, limits, lens, in.surroundings.colliders, in.step.move_s, blind);
@@ -257,10 +258,13 @@ void gather_colliders(const StepContext& step, const Bound& bound, Surroundings&
                          braking_distance_m(glm::dvec3(limits.max_speed_mps, 0, 0), limits);
   surroundings.colliders.gather(step.input.scene, position_m,
                                 std::min(reach_m, 2 * bound.radius_m + 20.0) + 2 * body_m, {});
-  for (size_t look = 0; look < kEvadeS.size(); ++look)
+  surroundings.colliders.allow(kMostTests);
+  for (size_t look = 0; look < kEvadeS.size(); ++look) {
     surroundings.movers_ahead[look].gather_movers(step.input.scene, position_m,
                                                   limits.max_speed_mps * kEvadeS[look] + 2 * body_m + 1.0, {},
                                                   kEvadeS[look]);
+    surroundings.movers_ahead[look].allow(kMostTests);
+  }
 }
 
 Decision decide(const MoveInput& in, MoveScratch& scratch) {

@@ -191,6 +191,7 @@ class SlicePicker {
     const double reach_m = longest_s * (glm::length(predictor.velocity_mps()) + longest_s * glm::length(predictor.acceleration_mps2())) + 2 * kWalkerM;
     const SceneMirror& scene = in_.step.input.scene;
     scratch_.colliders.gather(scene, in_.step.targets.tracked_targets[i].aim_m, reach_m, scene.moving_slots());
+    scratch_.colliders.allow(kMostTests / in_.step.target_count());
     for (SampledSlice& slice : plan_.slices) {
       const size_t first = slice.sampled.points_m.size();
       pick_points_of(i, predictor, slice);

@@ -151,12 +151,15 @@ bool reads_files(const v1::Tick& tick, SceneLibrary& library) {
   return false;
 }
 
-// Only a tick that changes the settings or the targets can need a table that the session has not.
+// Only a tick that changes the settings or the targets, or adds a mesh, can need a table that the session has not and that takes long.
 bool builds_tables(const v1::Tick& tick, const Session& session) {
-  if (!tick.has_settings() && !tick.has_tuning() && !tick.has_targets()) return false;
+  std::set<uint64_t> meshes;
+  for (const v1::NewInstance& added : tick.delta().added_instances())
+    if (added.has_mesh()) meshes.insert(added.id());
+  if (meshes.empty() && !tick.has_settings() && !tick.has_tuning() && !tick.has_targets()) return false;
   StepSettings settings = session.settings();
   if (!read_settings(tick.settings(), tick.tuning(), "tick.", settings) || settings.sample.points == 0) return false;
-  const auto lacks = [&](uint64_t id) { return session.lacks_table(id); };
+  const auto lacks = [&](uint64_t id) { return meshes.contains(id) || session.lacks_table(id); };
   if (tick.has_targets()) {
     const auto& targets = tick.targets().targets();
     return std::any_of(targets.begin(), targets.end(), [&](const auto& t) {

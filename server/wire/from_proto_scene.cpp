@@ -202,9 +202,9 @@ Result<std::shared_ptr<const SceneAsset>> find_by_hash(const std::string& hex, c
   return asset;
 }
 
-Result<std::shared_ptr<const SceneAsset>> find_by_name(const std::string& name, SceneLibrary& library,
+Result<std::shared_ptr<const SceneAsset>> find_by_name(const std::string& name, const SceneSource& source,
                                                        const std::string& field) {
-  auto asset = library.load_named(name);
+  auto asset = source.library.load_named(name, source.work);
   if (!asset) return fail(asset.error().code, field, asset.error().message);
   return asset;
 }
@@ -317,7 +317,7 @@ Result<InstanceReader::Asset> InstanceReader::find_asset(const v1::MeshRef& wire
   const std::string& key = by_hash ? wire.scene_hash() : wire.scene_name();
   if (const auto known = assets_.find(key); known != assets_.end()) return known->second;
   auto asset = by_hash ? find_by_hash(key, source_, field + ".scene_hash")
-                       : find_by_name(key, source_.library, field + ".scene_name");
+                       : find_by_name(key, source_, field + ".scene_name");
   if (asset) assets_[key] = *asset;
   return asset;
 }
@@ -333,7 +333,7 @@ Result<LoadedScene> read_scene(const v1::SceneRef& wire, const SceneSource& sour
   auto bindings = read_bindings(wire, field + ".bindings");
   if (!bindings) return tl::unexpected(std::move(bindings.error()));
   auto asset = wire.has_hash() ? find_by_hash(wire.hash(), source, field + ".hash")
-                               : find_by_name(wire.name(), source.library, field + ".name");
+                               : find_by_name(wire.name(), source, field + ".name");
   if (!asset) return tl::unexpected(std::move(asset.error()));
   auto instances = instantiate(**asset, *bindings, source.store);
   if (!instances) {

@@ -28,6 +28,7 @@ sys.path.insert(0, options.stubs)
 
 import attacks  # noqa: E402
 import careless_files  # noqa: E402
+import endless_work  # noqa: E402
 import foreign_frames  # noqa: E402
 import held_probes  # noqa: E402
 import legal_numbers  # noqa: E402
@@ -35,7 +36,7 @@ from daemon import Daemon, Healthy  # noqa: E402
 
 LIMIT_MS, SLACK = 33.0, 0.10
 attacks.ATTACK_S = legal_numbers.ATTACK_S = options.seconds
-ATTACKS = sorted(attacks.ATTACKS + legal_numbers.ATTACKS + foreign_frames.ATTACKS + held_probes.ATTACKS + careless_files.ATTACKS,
+ATTACKS = sorted(attacks.ATTACKS + legal_numbers.ATTACKS + foreign_frames.ATTACKS + endless_work.ATTACKS + held_probes.ATTACKS + careless_files.ATTACKS,
                  key=lambda one: (int(str(one.number).rstrip("abcdefgh")), str(one.number)))
 
 

@@ -314,6 +314,13 @@ class Limits(unittest.TestCase):
                 self.assertIn("--max-maps-ms", session.reads().tick_error.message)
         self.assertEqual(self.refused_by(["--max-maps-ms", "2", "--max-step-cost-ms", "0"], send), {"max-maps-ms": 1})
 
+    def test_processor_time_of_reading_a_file(self):
+        def send(daemon):
+            with self.assertRaises(grpc.RpcError) as refused:
+                upload(daemon.address, ('{"asset":{"version":"2.0"},"extras":[' + "{}," * 100_000 + "{}]}").encode())
+            self.assertIn("--max-load-s", refused.exception.details())
+        self.assertEqual(self.refused_by(["--max-load-s", "0.001"], send), {"max-load-s": 1})
+
     def test_a_session_that_is_idle(self):
         def wait(daemon):
             with open_session(daemon.address) as session:

@@ -137,6 +137,45 @@ TEST(ClearanceCache, FollowsWhatIsAddedRemovedHiddenAndFirstMoved) {
   place.expect_exact();
 }
 
+// Random triangles so large and so many that each place is inside of the boxes of thousands.
+std::shared_ptr<const Geometry> dense_soup(Draw& draw, uint32_t triangles, double size_m) {
+  MeshData mesh;
+  for (uint32_t t = 0; t < triangles; ++t) {
+    const glm::dvec3 at = draw.vec(3);
+    for (uint32_t k = 0; k < 3; ++k) {
+      mesh.positions.emplace_back(at + draw.vec(size_m));
+      mesh.indices.push_back(3 * t + k);
+    }
+  }
+  return build_geometry(std::move(mesh)).value();
+}
+
+// The work of each call is bounded, and its result is that of a cache that never saw another bound: a session that goes on from its recorded
+// memory has a new one.
+TEST(ClearanceCache, AmongVeryManyTrianglesItIsBoundedAndTheSameWhateverWasBefore) {
+  for (const double size_m : {0.3, 4.0}) {
+    Place place;
+    add(place.mirror, placed(place.next_id++, dense_soup(place.draw, 60'000, size_m)));
+    size_t without_room = 0, with_room = 0;
+    for (int i = 0; i < 8; ++i) {
+      place.bound.center_m += glm::dvec3(0.21, -0.07, 0.13) * (i < 5 ? 1.0 : -1.0);
+      place.cover();
+      ClearanceCache fresh;
+      std::vector<glm::dvec3> travelled_m = place.position_m, fresh_m = place.position_m;
+      const auto a = place.clearance_cache.measure(place.mirror, place.lattice, place.bound, travelled_m, true, kBodyM);
+      const auto b = fresh.measure(place.mirror, place.lattice, place.bound, fresh_m, true, kBodyM);
+      ASSERT_TRUE(std::ranges::equal(a, b)) << i;
+      ASSERT_EQ(travelled_m, fresh_m) << i;
+      const uint64_t cells = place.lattice.size();
+      EXPECT_LE(fresh.tests(), 2 * (cells * ClearanceCache::kTestsOfCells + ClearanceCache::kTestsOfCell) + 4 * ClearanceCache::kTestsOfCell);
+      without_room += std::ranges::count(a, 0.0f);
+      with_room += a.size() - std::ranges::count(a, 0.0f);
+    }
+    EXPECT_GT(without_room, 0u);
+    EXPECT_GT(with_room, 0u) << size_m;
+  }
+}
+
 TEST(ClearanceCache, LeavesOutWhatMoves) {
   Place still, moving;
   moving.grow(true);

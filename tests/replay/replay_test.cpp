@@ -83,6 +83,30 @@ TEST_F(ReplayHere, RefusedTicksAreRefusedAgainWhereverTheyStand) {
   }
 }
 
+// It was not applied where it was recorded. It need not take long here, so the replay leaves it out.
+TEST_F(ReplayHere, ATickThatTookTooLongToLoadIsLeftOut) {
+  const RecordedHall hall = record_hall(*sampler_);
+  uint64_t sequence = 0;
+  const std::string with_refused = rewritten(hall.bytes, [&](RecordedEvent& event, RecordingWriter& writer) {
+    if (event.topic == RecordTopic::kReply && ++sequence == 30) {
+      v1::Tick late;
+      late.set_sequence(1'000'000);
+      late.set_time_s(std::get<v1::CameraReply>(event.message).time_s());
+      late.mutable_settings()->set_preset(v1::Settings::PRESET_PAPER);
+      EXPECT_TRUE(writer.write(late, event.log_ns));
+      v1::TickError refused;
+      refused.set_sequence(late.sequence());
+      refused.set_message("tick.targets: takes more processor time to load than is allowed (--max-load-s)");
+      refused.add_field_violations()->set_field("tick.targets");
+      EXPECT_TRUE(writer.write(refused, event.log_ns));
+    }
+    return true;
+  });
+  const Replayed replayed = replay_here(with_refused);
+  EXPECT_EQ(replayed.hash, hall.hash);
+  EXPECT_EQ(replayed.verdict, ReplayVerdict::kEqual) << replayed.text;
+}
+
 // One bit of a reply in the file is changed. The replay finds it, with its tick, field and both values.
 TEST_F(ReplayHere, OneBitIsFound) {
   const RecordedHall hall = record_hall(*sampler_);

@@ -283,5 +283,31 @@ TEST(RayCone, LeavesOutNoBallThatARayMeets) {
   EXPECT_GT(left_out, 500);
 }
 
+int64_t processor_stands_still() {
+  return 0;
+}
+int64_t processor_runs() {
+  static int64_t now_ns = 0;
+  return now_ns += 1000;
+}
+
+// A take is given up by what its thread has used of the processor. However long it takes by the wall, a thread that does not run refuses nothing.
+TEST(EmbreeSampler, GivesUpByProcessorTimeAlone) {
+  SceneMaker maker(12);
+  SceneMirror mirror;
+  ASSERT_TRUE(mirror.apply(maker.scene(12), {}));
+  const Requests requests(maker, mirror.instances().size(), 40);
+  std::vector<DepthMap> maps, free;
+  ASSERT_TRUE(make_embree_sampler_device()->make_sampler()->take(mirror, requests.all, free));
+  const auto patient = make_embree_sampler_device(1, std::chrono::nanoseconds(1), processor_stands_still);
+  ASSERT_TRUE(patient->make_sampler()->take(mirror, requests.all, maps));
+  ASSERT_EQ(maps.size(), free.size());
+  for (size_t i = 0; i < maps.size(); ++i) EXPECT_EQ(maps[i].distance_m, free[i].distance_m);
+  const auto strict = make_embree_sampler_device(1, std::chrono::nanoseconds(1), processor_runs);
+  const Status refused = strict->make_sampler()->take(mirror, requests.all, maps);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kResourceExhausted);
+}
+
 }  // namespace
 }  // namespace sightline

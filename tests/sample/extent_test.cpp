@@ -20,6 +20,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 using GeometryPtr = std::shared_ptr<const Geometry>;
 
+WorkLimit::Part endless(nullptr);
+
 GeometryPtr shape(const Shape& shape) {
   return build_geometry(tessellate(shape).value()).value();
 }
@@ -236,7 +238,7 @@ std::vector<glm::dvec2> one_point_a_seed(const RayCaster& caster, const ExtentVi
   for (size_t seed = 0; seed < seeds; ++seed) {
     CounterRandom random(seed, 5, RandomPurpose::kExtentPoints);
     const size_t chosen = seed % among;
-    sample_extent(caster, view, random, std::span(points).first(chosen + 1));
+    sample_extent(caster, view, random, std::span(points).first(chosen + 1), endless);
     image.push_back(camera.project(points[chosen]));
   }
   return image;
@@ -513,9 +515,9 @@ TEST(Extent, AViewThatSeesNothingFallsBackToTheCentre) {
   std::array<glm::vec3, kExtentPoints> points;
   for (const double distance : {3.0, kInfinity}) {
     CounterRandom random(1, 0, RandomPurpose::kTest);
-    sample_extent(RayCaster(*square), {{1, 0, 0}, distance}, random, points);
+    sample_extent(RayCaster(*square), {{1, 0, 0}, distance}, random, points, endless);
     EXPECT_EQ(std::ranges::count(points, glm::vec3(1, 1, 0)), kExtentPoints);
-    sample_extent(RayCaster(*square), {{0, 0, 1}, distance}, random, points);
+    sample_extent(RayCaster(*square), {{0, 0, 1}, distance}, random, points, endless);
     EXPECT_LE(std::ranges::count(points, glm::vec3(1, 1, 0)), 1);
   }
 }
@@ -572,6 +574,46 @@ TEST(ExtentCache, BuildsAShapeOnceForManyThreads) {
   for (auto& table : got) threads.emplace_back([&] { table = cache.get(capsule); });
   for (std::thread& thread : threads) thread.join();
   for (const auto& table : got) EXPECT_EQ(table, got[0]);
+}
+
+TEST(ExtentCache, ABuildThatHadToEndIsBegunAgainByWhoWaits) {
+  ExtentCache cache;
+  const auto capsule = shape(CapsuleShape{});
+  std::atomic<bool> unwanted{false}, begun{false};
+  WorkLimit given_up({}, [&] {
+    begun = true;
+    while (!unwanted) std::this_thread::yield();
+    return true;
+  });
+  std::shared_ptr<const ExtentTable> first = ExtentTable::build(*capsule), second;
+  std::thread builder([&] { first = cache.get(capsule, &given_up); });
+  while (!begun) std::this_thread::yield();
+  std::thread waiting([&] { second = cache.get(capsule); });
+  EXPECT_FALSE(cache.has(*capsule));
+  unwanted = true;
+  builder.join(), waiting.join();
+  EXPECT_EQ(first, nullptr);
+  ASSERT_TRUE(second);
+  EXPECT_EQ(cache.get(capsule), second);
+}
+
+TEST(ExtentCache, WhoWaitsForAnotherCanStopToo) {
+  ExtentCache cache;
+  const auto capsule = shape(CapsuleShape{});
+  std::atomic<bool> go_on{false}, begun{false};
+  WorkLimit slow({}, [&] {
+    begun = true;
+    while (!go_on) std::this_thread::yield();
+    return false;
+  });
+  std::shared_ptr<const ExtentTable> first;
+  std::thread builder([&] { first = cache.get(capsule, &slow); });
+  while (!begun) std::this_thread::yield();
+  WorkLimit gone({}, [] { return true; });
+  EXPECT_EQ(cache.get(capsule, &gone), nullptr);
+  go_on = true;
+  builder.join();
+  EXPECT_TRUE(first);
 }
 
 TEST(ExtentCache, ADeadShapeThatComesBackIsSharedAgain) {

@@ -297,6 +297,54 @@ TEST(Sweep, MeetsEachOfManyAndPassesBetween) {
   }
 }
 
+// With less and less allowed, each answer is either exact or the careful one, and never another.
+TEST(Clearance, BeyondTheAllowanceTheAnswersAreCareful) {
+  Draw draw(77);
+  SceneMirror mirror;
+  fill_at_random(mirror, draw);
+  const ClearanceField free = gathered(mirror), bounded = gathered(mirror);
+  size_t exact = 0, careful = 0;
+  for (int i = 0; i < 200; ++i) {
+    const glm::dvec3 from = draw.vec(7), to = from + draw.vec(4);
+    size_t blocker = ClearanceField::kNoBlocker;
+    bounded.allow(1 + static_cast<uint64_t>(i) * 7);
+    const double clearance_m = bounded.clearance_m(from, 3);
+    bounded.exhausted() ? EXPECT_EQ(clearance_m, 0.0) : EXPECT_EQ(clearance_m, free.clearance_m(from, 3));
+    bounded.exhausted() ? ++careful : ++exact;
+    bounded.allow(1 + static_cast<uint64_t>(i) * 7);
+    const double fraction = bounded.free_fraction(from, to, 0.2);
+    bounded.exhausted() ? EXPECT_EQ(fraction, 0.0) : EXPECT_EQ(fraction, free.free_fraction(from, to, 0.2));
+    bounded.allow(1 + static_cast<uint64_t>(i) * 7);
+    EXPECT_LE(bounded.is_free(from, to, 0.2, blocker), free.free_fraction(from, to, 0.2) >= 1);
+    bounded.allow(1 + static_cast<uint64_t>(i) * 7);
+    EXPECT_LE(bounded.is_inside(from), free.is_inside(from));
+    EXPECT_LE(bounded.tests(), 1 + static_cast<uint64_t>(i) * 7);
+  }
+  EXPECT_GT(exact, 20u);
+  EXPECT_GT(careful, 20u);
+}
+
+// The count of a query depends on the mirror and on the query, not on the way on which the field came there.
+TEST(Clearance, TheCountDoesNotDependOnWhatWasGatheredBefore) {
+  Draw draw(78);
+  SceneMirror mirror;
+  fill_at_random(mirror, draw);
+  ClearanceField along;
+  for (int i = 0; i < 30; ++i) {
+    const glm::dvec3 at(-3 + 0.2 * i, 0, 0);
+    along.gather(mirror, at, 4, {});
+    ClearanceField fresh;
+    fresh.gather(mirror, at, 4, {});
+    for (int k = 0; k < 20; ++k) {
+      const glm::dvec3 from = at + draw.vec(1), to = at + draw.vec(1);
+      size_t one = ClearanceField::kNoBlocker, other = ClearanceField::kNoBlocker;
+      along.is_free(from, to, 0.1, one), fresh.is_free(from, to, 0.1, other);
+      along.clearance_m(from, 1), fresh.clearance_m(from, 1);
+      ASSERT_EQ(along.tests(), fresh.tests()) << i;
+    }
+  }
+}
+
 // A room's wall: the plane x = 0, 40 m wide.
 class WallTest : public ::testing::Test {
  protected:

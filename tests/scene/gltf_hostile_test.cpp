@@ -474,6 +474,57 @@ TEST(GltfHostile, AFileAboveTheLimitIsNotLookedAt) {
   EXPECT_EQ(error_of(rich_file(), limits).code, ErrorCode::kResourceExhausted);
 }
 
+// Reading is ended at its first look at the clock, then at its second, and so on, until it is read. Nothing is left behind.
+TEST(GltfHostile, ReadingEndsAtAnyMoment) {
+  GlbBuilder file = rich_file();
+  const int mesh = file.triangle_node();
+  std::vector<float> many;
+  for (int i = 0; i < 9 * 5000; ++i) many.push_back(static_cast<float>(i * 7919 % 1000));
+  file.json["meshes"][mesh]["primitives"][0]["attributes"]["POSITION"] = file.floats(many, "VEC3");
+  file.json["meshes"][mesh]["primitives"][0].erase("indices");
+  for (int i = 0; i < 20'000; ++i) file.json["extras"].push_back(json::object());
+  const auto bytes = file.glb();
+  int looks = 0, ended = 0;
+  for (int most = 0; looks >= most; ++most) {
+    looks = 0;
+    GeometryStore store(size_t{1} << 30);
+    WorkLimit work({.clock = [] { return int64_t{0}; }}, [&] { return ++looks > most; });
+    GltfLimits limits;
+    limits.work = &work;
+    const auto asset = read_gltf(bytes, nullptr, store, limits);
+    EXPECT_EQ(asset.has_value(), looks <= most);
+    if (asset) continue;
+    ++ended;
+    EXPECT_EQ(asset.error().code, ErrorCode::kUnavailable) << to_string(asset.error());
+    EXPECT_EQ(store.live_bytes(), 0u);
+    EXPECT_EQ(store.reserved_bytes(), 0u);
+  }
+  EXPECT_GT(ended, 10) << "the stages look rarely";
+}
+
+TEST(GltfHostile, ReadingThatTakesTooLongNamesItsFlag) {
+  WorkLimit work({.clock = [] {
+                    static int64_t now_ns = 0;
+                    return now_ns += 1000;
+                  },
+                  .most_ns = 1, .refusal = "takes too long (--max-load-s)"});
+  GltfLimits limits;
+  limits.work = &work;
+  limits.memory_flag = "--geometry-memory-mib";
+  const Error error = error_of(rich_file(), limits);
+  EXPECT_EQ(error.code, ErrorCode::kResourceExhausted);
+  EXPECT_EQ(error.message, "takes too long (--max-load-s)");
+}
+
+TEST(GltfHostile, AMemberThatStandsTwiceCountsAsItStandsLast) {
+  const std::string text = R"({"asset": {"version": "2.0"}, "nodes": [{"name": "first"}], "nodes": [{"name": "a", "name": "last"}, {}]})";
+  GeometryStore store;
+  const auto asset = read_gltf(std::as_bytes(std::span(text)), nullptr, store);
+  ASSERT_TRUE(asset) << to_string(asset.error());
+  ASSERT_EQ((*asset)->nodes.size(), 2u);
+  EXPECT_EQ((*asset)->nodes[0].name, "last");
+}
+
 TEST(GltfHostile, WarningsAreBounded) {
   GlbBuilder file;
   for (int i = 0; i < 500; ++i) file.add("nodes", {{"skin", 0}});

@@ -101,7 +101,7 @@ ServiceWorld::ServiceWorld(const WorldOptions& options)
       steppers_(options.threads, device, [this] { return real_or(clock_calls_); }),
       shares_(options.threads * options.budget.largest_share),
       service_(
-          ServiceParts{scenes_, geometry_, extents_, device, steppers_, loaders, streams, shares_, stats_,
+          ServiceParts{scenes_, geometry_, extents_, device, steppers_, loaders, uploaders, streams, shares_, stats_,
                        log_, [this] { return real_or(++clock_calls_); }, "test", "", options.budget},
           limits_of(options)) {
   ListenOptions listen;
@@ -173,7 +173,7 @@ HeldLoaders::HeldLoaders(WorkerPool& loaders) {
     loaders.post([released, free] {
       free->count_down();
       released.wait();
-    });
+    }, "holder " + std::to_string(i));  // one client has all but one of them
   free->wait();  // the pool is fair: another caller's task would go before the second of these
 }
 

@@ -111,7 +111,7 @@ class ServiceWorld {
   StepStats stats_;
 
  public:
-  WorkerPool loaders{2};
+  WorkerPool loaders{2}, uploaders{2};
 
  private:
   CameraControlService service_;

@@ -40,12 +40,21 @@ class SessionDriverTest : public testing::Test {
   SceneLibrary scenes{"", GltfLimits{}, geometry};
   GatedDevice device;
   Scheduler scheduler{1, device, [] { return int64_t{0}; }};
-  WorkerPool loaders{1};
+  WorkerPool loaders{1}, uploaders{1};
   StreamRegistry streams{1};
   FairShares shares{1.0};
   StepStats stats;
   Log log{LogFormat::kText, LogLevel::kOff};
-  const ServiceParts parts{scenes, geometry, extents, device, scheduler, loaders, streams, shares, stats, log,
+  static inline int64_t used_ns = 0, a_look_ns = 0;  // of the processor, by the clock of loads
+  static WorkLimit::Rules load_rules() {
+    return {.clock = [] { return used_ns += a_look_ns; }, .most_ns = 1'000'000'000, .refusal = "takes too long (--max-load-s)"};
+  }
+  ServiceParts parts_with_load() {
+    ServiceParts all{scenes, geometry, extents, device, scheduler, loaders, uploaders, streams, shares, stats, log, [] { return int64_t{0}; }, "test"};
+    all.load = load_rules();
+    return all;
+  }
+  const ServiceParts parts{scenes, geometry, extents, device, scheduler, loaders, uploaders, streams, shares, stats, log,
                            [] { return int64_t{0}; }, "test"};
   SessionDriver driver{parts, "test-1"};
   SessionDriver::Turn turn;
@@ -94,6 +103,33 @@ TEST_F(SessionDriverTest, AnExceptionOfTheSamplerEndsTheSession) {
   ASSERT_TRUE(turn.end);
   EXPECT_EQ(turn.end->error_code(), grpc::StatusCode::INTERNAL);
   EXPECT_EQ(turn.end->error_message().find("thrown"), std::string::npos);  // the client does not see why
+}
+
+TEST_F(SessionDriverTest, AnOpeningThatTakesTooLongNamesItsFlag) {
+  const ServiceParts strict = parts_with_load();
+  SessionDriver slow(strict, "test-2");
+  a_look_ns = 600'000'000;
+  v1::OpenSession open = open_with_boxes(2);
+  open.mutable_tuning()->mutable_sample()->set_points(2);
+  send(open);
+  slow.plan(turn);
+  ASSERT_TRUE(turn.end);
+  EXPECT_EQ(turn.end->error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_NE(turn.end->error_message().find("--max-load-s"), std::string::npos);
+  EXPECT_EQ(stats.limits.count(Limit::kMaxLoad), 1u);
+  EXPECT_FALSE(slow.opened());
+}
+
+TEST_F(SessionDriverTest, AnOpeningThatNobodyWaitsForEnds) {
+  v1::OpenSession open = open_with_boxes(2);
+  open.mutable_tuning()->mutable_sample()->set_points(2);
+  send(open);
+  turn.unwanted = [] { return true; };
+  run();
+  ASSERT_TRUE(turn.end);
+  EXPECT_EQ(turn.end->error_code(), grpc::StatusCode::UNAVAILABLE);
+  EXPECT_EQ(extents.count(), 0u);
+  EXPECT_EQ(stats.limits.count(Limit::kMaxLoad), 0u);
 }
 
 TEST_F(SessionDriverTest, AClosedSessionHasLeftTheShares) {

@@ -33,6 +33,22 @@ TEST(UploadPlaces, TheOnlyOneIsForEveryone) {
   EXPECT_FALSE(another);
 }
 
+TEST(UploadPlaces, AtTheEndAllAreCancelledOnceAndNoneBegins) {
+  UploadPlaces places(4, 1000);
+  OnePlace first, second, late;
+  int cancelled = 0;
+  places.take(first, "me", [&] { ++cancelled; });
+  places.take(second, "you", [&] { ++cancelled; });
+  EXPECT_FALSE(places.ended());
+  places.end_all();
+  places.end_all();
+  EXPECT_EQ(cancelled, 2);
+  EXPECT_TRUE(places.ended());
+  EXPECT_FALSE(first->complete());
+  places.take(late, "other", [] {});
+  EXPECT_FALSE(late);
+}
+
 TEST(UploadPlaces, AnUploadIsLateByItsSize) {
   EXPECT_FALSE(UploadPlaces::is_late(0, seconds(59)));
   EXPECT_TRUE(UploadPlaces::is_late(0, seconds(61)));

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <future>
 #include <thread>
 
 #include "tests/service/service_world.h"
@@ -228,6 +229,39 @@ TEST(ListScenes, IsEmptyWithoutAFolder) {
   v1::ListScenesResponse reply;
   ASSERT_TRUE(v1::CameraControlService::NewStub(world.channel())->ListScenes(&context, {}, &reply).ok());
   EXPECT_EQ(reply.names_size(), 0);
+}
+
+TEST(Uploads, NoOpeningWaitsForAFileToBeRead) {
+  ServiceWorld world;
+  std::future<grpc::Status> uploaded;
+  {
+    const HeldLoaders held(world.uploaders);
+    uploaded = std::async(std::launch::async, [&] { return upload(world, triangle_file()); });
+    Stream stream(world.channel());
+    stream.open(open_with_boxes(2));
+    stream.send(move_tick(1, 1, 0.1));
+    EXPECT_TRUE(stream.read()->has_camera());
+    EXPECT_EQ(uploaded.wait_for(std::chrono::seconds(0)), std::future_status::timeout);
+  }
+  EXPECT_TRUE(uploaded.get().ok());
+}
+
+TEST(Uploads, AFileWhoseClientIsGoneIsNotRead) {
+  ServiceWorld world;
+  {
+    const HeldLoaders held(world.uploaders);
+    Upload call(world.channel());
+    EXPECT_TRUE(call.send(triangle_file()));
+    std::thread gone([&] {
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+      call.cancel();
+    });
+    EXPECT_EQ(call.finish().error_code(), grpc::StatusCode::CANCELLED);
+    gone.join();
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));  // the server hears of it too
+  }
+  EXPECT_TRUE(upload(world, triangle_file()).ok());  // the uploaders have worked through what came before
+  EXPECT_EQ(world.geometry_count(), 1u);
 }
 
 }  // namespace

@@ -66,14 +66,14 @@ class FirstStep : public testing::Test {
   SceneLibrary scenes{"", GltfLimits{}, geometry};
   GatedDevice device;
   Scheduler scheduler{1, device, [] { return int64_t{0}; }};
-  WorkerPool loaders{1};
+  WorkerPool loaders{1}, uploaders{1};
   StreamRegistry streams{1};
   FairShares shares{1.0};
   StepStats stats;
   Log log{LogFormat::kText, LogLevel::kOff};
 
   ServiceParts parts_with(SamplerDevice& sampler) {
-    return {scenes, geometry, extents, sampler, scheduler, loaders, streams, shares, stats, log, [] { return int64_t{0}; }, "test"};
+    return {scenes, geometry, extents, sampler, scheduler, loaders, uploaders, streams, shares, stats, log, [] { return int64_t{0}; }, "test"};
   }
 };
 
