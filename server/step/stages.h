@@ -54,7 +54,7 @@ bool weighs_hidden(const StepInput& input);
 double route_radius_m(const StepContext& step);
 // The most tests of triangles (ClearanceField) of one part of a step: some milliseconds. In eight of our scenes none took more than 10,745. So in
 // a scene of very many triangles at one place, no part takes long, and the same answer comes on every machine.
-inline constexpr uint64_t kMostTests = 150'000;
+inline constexpr uint64_t kMostTests = 100'000;
 
 // The position that the camera tries to reach. Some target must be steered, unless the camera is to stay where it is.
 glm::dvec3 desired_position_m(const StepContext& step, const WantedShot& shot);

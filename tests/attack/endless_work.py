@@ -49,13 +49,22 @@ def soup(count, size_m, half_m=8.0, seed=1):
     return mesh_of(corners)
 
 
-def soup_as_target(address, channel=None):
-    """Opens a session that has a heap of triangles as its target: the sample table of its shape takes very long."""
+def splinters(count, half_m=6.0, seed=3):
+    """Triangles across a cube that are thinner than a hair: nearly every ray is tested against very many of them, and misses them all."""
+    draw, corners = random.Random(seed), []
+    for _ in range(count):
+        ends = [[draw.uniform(-half_m, half_m) for _ in range(3)] for _ in range(2)]
+        corners += [*ends[0], *ends[1], ends[1][0] + 1e-5, *ends[1][1:]]
+    return mesh_of(corners)
+
+
+def open_for_minutes(address, channel=None):
+    """Opens a session whose target is a heap of splinters: the sample table of its shape takes very long."""
     from sightline.v1.camera_pb2 import Pose3, Vec3
     from sightline.v1.scene_pb2 import MeshRef, NewInstance, Target
     from sightline.v1.session_pb2 import OpenSession
     from sessions import Session
-    shape = MeshRef(scene_hash=upload(address, soup(60_000, 6.0)).hash, mesh="mesh")
+    shape = MeshRef(scene_hash=upload(address, splinters(20_000)).hash, mesh="mesh")
     request = OpenSession(camera=Pose3(position=Vec3(y=1.6, z=30)), targets=[Target(id=1)], instances=[NewInstance(id=1, mesh=shape, pose=Pose3())])
     return Session(address, request, channel)
 

@@ -17,7 +17,7 @@ sys.path.insert(0, STUBS)
 import grpc  # noqa: E402
 
 from daemon import Daemon  # noqa: E402
-from endless_work import empty_objects, honest_nodes, processor_s, soup, soup_as_target, ticks_while_stopped  # noqa: E402
+from endless_work import empty_objects, honest_nodes, open_for_minutes, processor_s, soup, ticks_while_stopped  # noqa: E402
 from relay import Relay  # noqa: E402
 from scenes import glb, scene_of  # noqa: E402
 from sessions import open_session, upload  # noqa: E402
@@ -52,7 +52,7 @@ class Files(unittest.TestCase):
             self.assertTrue(upload(daemon.address, honest_nodes(100_000)).hash)
 
     def test_a_file_that_takes_too_long_is_refused_by_name(self):
-        with Daemon("--max-load-s", "0.2") as daemon:
+        with Daemon("--max-load-s", "0.03") as daemon:
             with self.assertRaises(grpc.RpcError) as raised:
                 upload(daemon.address, soup(150_000, 1.0))
             self.assertEqual(raised.exception.code(), EXHAUSTED)
@@ -60,9 +60,9 @@ class Files(unittest.TestCase):
             self.assertTrue(upload(daemon.address, glb("small")).hash)
 
     def test_a_target_whose_table_takes_too_long_is_refused_by_name(self):
-        with Daemon("--max-load-s", "3") as daemon:
+        with Daemon("--max-load-s", "2") as daemon:
             with self.assertRaises(grpc.RpcError) as raised:
-                soup_as_target(daemon.address)
+                open_for_minutes(daemon.address)
             self.assertEqual(raised.exception.code(), EXHAUSTED)
             self.assertIn("--max-load-s", raised.exception.details())
             open_session(daemon.address).close()
@@ -91,7 +91,7 @@ class Files(unittest.TestCase):
                 return processor_s(daemon) - before > 0.3
 
             def open_for_long(channel):
-                return Background(soup_as_target, daemon.address, channel=channel)
+                return Background(open_for_minutes, daemon.address, channel=channel)
             channel = grpc.insecure_channel(daemon.address)
             given_up = open_for_long(channel)
             while not is_busy():
@@ -106,7 +106,9 @@ class Files(unittest.TestCase):
                     self.assertTrue(stopped.is_alive())
                 self.assertEqual(daemon.stop(20), 0)
                 stopped.join()
-                self.assertIn(stopped.result.code(), (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.CANCELLED))
+                # It was told that the daemon drains, and then that it is gone.
+                self.assertFalse(stopped.result.opened.session_id)
+                self.assertIn(stopped.result.status().code(), (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.CANCELLED))
 
 
 class Steps(unittest.TestCase):

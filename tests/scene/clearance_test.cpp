@@ -309,11 +309,11 @@ TEST(Clearance, BeyondTheAllowanceTheAnswersAreCareful) {
     size_t blocker = ClearanceField::kNoBlocker;
     bounded.allow(1 + static_cast<uint64_t>(i) * 7);
     const double clearance_m = bounded.clearance_m(from, 3);
-    bounded.exhausted() ? EXPECT_EQ(clearance_m, 0.0) : EXPECT_EQ(clearance_m, free.clearance_m(from, 3));
-    bounded.exhausted() ? ++careful : ++exact;
+    EXPECT_EQ(clearance_m, bounded.exhausted() ? 0.0 : free.clearance_m(from, 3));
+    ++(bounded.exhausted() ? careful : exact);
     bounded.allow(1 + static_cast<uint64_t>(i) * 7);
     const double fraction = bounded.free_fraction(from, to, 0.2);
-    bounded.exhausted() ? EXPECT_EQ(fraction, 0.0) : EXPECT_EQ(fraction, free.free_fraction(from, to, 0.2));
+    EXPECT_EQ(fraction, bounded.exhausted() ? 0.0 : free.free_fraction(from, to, 0.2));
     bounded.allow(1 + static_cast<uint64_t>(i) * 7);
     EXPECT_LE(bounded.is_free(from, to, 0.2, blocker), free.free_fraction(from, to, 0.2) >= 1);
     bounded.allow(1 + static_cast<uint64_t>(i) * 7);

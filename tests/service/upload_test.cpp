@@ -251,7 +251,10 @@ TEST(Uploads, AFileWhoseClientIsGoneIsNotRead) {
   {
     const HeldLoaders held(world.uploaders);
     Upload call(world.channel());
-    EXPECT_TRUE(call.send(triangle_file()));
+    GlbBuilder other;
+    other.triangle_node();
+    other.json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = other.floats({0, 0, 0, 2, 0, 0, 0, 2, 0});
+    EXPECT_TRUE(call.send(other.glb()));
     std::thread gone([&] {
       std::this_thread::sleep_for(std::chrono::milliseconds(100));
       call.cancel();
