@@ -32,6 +32,8 @@ constexpr double kMostStepCostMs = 3.0;
 
 struct Counts {
   uint64_t sessions = 0, refused_openings = 0, ticks = 0, refused = 0, replies = 0, checked_limits = 0, wrong = 0;
+  double longest_step_ms = 0.0;
+  uint64_t longest_in = 0;  // session
 };
 
 // All sessions share these, as in a daemon.
@@ -110,7 +112,9 @@ class Player {
   void step(int quality_level) {
     const CameraState before = session_->carried().camera;
     const double turning_radps = std::hypot(session_->carried().turn.yaw_rate_radps, session_->carried().turn.pitch_rate_radps);
+    const auto start = std::chrono::steady_clock::now();
     const auto answer = session_->step(quality_level);
+    note_time(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
     if (!answer) return wrong("the step failed: " + to_string(answer.error()));
     ++counts_.replies;
     camera_reply_to_proto(*answer, *session_, session_->diagnostics(), reply_);
@@ -122,6 +126,12 @@ class Player {
     if (!free && stepped_) must_keep_limits(before, turning_radps, answer->step.camera, dt_s);
     stepped_ = true;
     if (counts_.replies % 16 == 0) must_be_resumable();
+  }
+
+  // For people: no test asserts times.
+  void note_time(double step_ms) {
+    if (step_ms <= counts_.longest_step_ms) return;
+    counts_.longest_step_ms = step_ms, counts_.longest_in = session_number_;
   }
 
   // The state that a step leaves holds no number that is not finite: such a state could not be read back.
@@ -217,7 +227,8 @@ int storm(SamplerDevice& device, uint64_t count, uint64_t seed, std::optional<ui
     told_s = seconds();
     std::printf("%.0f s: %llu ticks\n", told_s, static_cast<unsigned long long>(counts.ticks)), std::fflush(stdout);
   }
-  std::printf("\n%llu sessions, %llu openings refused; %llu ticks, %llu refused; %llu replies, limits checked in %llu; %llu wrong; %.0f ticks a second\n",
+  std::printf("longest step: %.0f ms, in session %llu\n", counts.longest_step_ms, static_cast<unsigned long long>(counts.longest_in));
+  std::printf("%llu sessions, %llu openings refused; %llu ticks, %llu refused; %llu replies, limits checked in %llu; %llu wrong; %.0f ticks a second\n",
               static_cast<unsigned long long>(counts.sessions), static_cast<unsigned long long>(counts.refused_openings),
               static_cast<unsigned long long>(counts.ticks), static_cast<unsigned long long>(counts.refused),
               static_cast<unsigned long long>(counts.replies), static_cast<unsigned long long>(counts.checked_limits),
