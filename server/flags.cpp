@@ -397,7 +397,8 @@ void fit_memory(CLI::App& app, Flags& flags, const MemoryBudgets& budgets) {
   fit("--messages-memory-mib", flags.messages_memory_mib, std::max(budgets.messages, std::min(2 * flags.max_message_memory_mib, most)));
   fit("--max-upload-mib", flags.max_upload_mib, budgets.max_upload);
   fit("--kept-uploads-mib", flags.kept_uploads_mib, budgets.kept_uploads);
-  fit("--transport-memory-mib", flags.transport_memory_mib, budgets.transport);
+  // One client, which has half of it, can send a message of the largest size.
+  fit("--transport-memory-mib", flags.transport_memory_mib, std::max(budgets.transport, 2 * (flags.max_message_mib + 1)));
 }
 
 // Throws CLI::ValidationError for flags that are wrong only together.
@@ -406,6 +407,8 @@ void check_together(const Flags& flags) {
     throw CLI::ValidationError("--listen", "none needs --listen-unix: there is no address to listen at");
   if (flags.messages_memory_mib < 2 * flags.max_message_memory_mib)
     throw CLI::ValidationError("--messages-memory-mib", "must be at least twice --max-message-memory-mib");
+  if (flags.transport_memory_mib > 0 && flags.transport_memory_mib < 2 * (flags.max_message_mib + 1))
+    throw CLI::ValidationError("--transport-memory-mib", "must be at least twice --max-message-mib and 2 more, or 0");
   if (flags.tls_cert.empty() != flags.tls_key.empty())
     throw CLI::ValidationError(flags.tls_cert.empty() ? "--tls-key" : "--tls-cert", "--tls-cert and --tls-key are needed together");
   if (flags.tls_cert.empty() && !flags.tls_client_ca.empty()) throw CLI::ValidationError("--tls-client-ca", "needs --tls-cert");

@@ -488,6 +488,8 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   operators.reset();
   watchdog.reset();
   (*listener)->stop(kStopGrace);
+  // Before the last resort goes, since a disk may hang.
+  if (recording) recording->complete();
   log.info("stopped", {{"steps", std::to_string(stats.steps)},
                        {"degraded", std::to_string(stats.degraded)},
                        {"late", std::to_string(stats.late)},

@@ -10,15 +10,32 @@ int64_t thread_cpu_ns() {
   return int64_t{1'000'000'000} * now.tv_sec + now.tv_nsec;
 }
 
-void WorkLimit::Part::charge() {
-  const int64_t now_ns = limit_->rules_.clock();
-  limit_->spent_ns_ += now_ns - charged_ns_;
-  charged_ns_ = now_ns;
+WorkLimit::Part::Part(WorkLimit* limit) : limit_(limit) {
+  if (!limit_) return;
+  const std::lock_guard lock(limit_->mutex_);
+  OfThread& thread = limit_->threads_[std::this_thread::get_id()];
+  if (thread.parts++ == 0) thread.charged_ns = limit_->rules_.clock();
+}
+
+WorkLimit::Part::~Part() {
+  if (!limit_) return;
+  limit_->charge_this_thread();
+  const std::lock_guard lock(limit_->mutex_);
+  const auto thread = limit_->threads_.find(std::this_thread::get_id());
+  if (--thread->second.parts == 0) limit_->threads_.erase(thread);
+}
+
+void WorkLimit::charge_this_thread() {
+  const int64_t now_ns = rules_.clock();
+  const std::lock_guard lock(mutex_);
+  int64_t& charged_ns = threads_.at(std::this_thread::get_id()).charged_ns;
+  spent_ns_ += now_ns - charged_ns;
+  charged_ns = now_ns;
 }
 
 void WorkLimit::Part::look() {
   units_ = 0;
-  charge();
+  limit_->charge_this_thread();
   if (limit_->ended()) return;
   if (limit_->unwanted_ && limit_->unwanted_())
     limit_->end_ = End::kUnwanted;

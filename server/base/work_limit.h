@@ -5,7 +5,10 @@
 #include <atomic>
 #include <cstdint>
 #include <functional>
+#include <map>
+#include <mutex>
 #include <string>
+#include <thread>
 
 #include "server/base/error.h"
 
@@ -26,14 +29,13 @@ class WorkLimit {
   // `unwanted` is asked from the threads of the work, and must return at once.
   explicit WorkLimit(Rules rules, std::function<bool()> unwanted = {}) : rules_(std::move(rules)), unwanted_(std::move(unwanted)) {}
 
-  // The part of one thread, used by it alone. It looks at the clock only once in kUnits, since that is a call of the system.
+  // The part of one thread, used by it alone. It looks at the clock only once in kUnits, since that is a call of the system. Parts of a thread
+  // may be nested; their time counts once.
   class Part {
    public:
     // Null: nothing ends the work.
-    explicit Part(WorkLimit* limit) : limit_(limit), charged_ns_(limit ? limit->rules_.clock() : 0) {}
-    ~Part() {
-      if (limit_) charge();
-    }
+    explicit Part(WorkLimit* limit);
+    ~Part();
     Part(const Part&) = delete;
     Part& operator=(const Part&) = delete;
 
@@ -50,10 +52,8 @@ class WorkLimit {
    private:
     static constexpr uint64_t kUnits = 4096;
     void look();
-    void charge();
 
     WorkLimit* const limit_;
-    int64_t charged_ns_;
     uint64_t units_ = 0;
   };
 
@@ -63,10 +63,17 @@ class WorkLimit {
 
  private:
   enum class End { kNone, kUnwanted, kTooLong };
+  struct OfThread {
+    int64_t charged_ns = 0;  // when its time was charged last, by its clock
+    int parts = 0;           // that are alive
+  };
+  void charge_this_thread();
 
   const Rules rules_;
   const std::function<bool()> unwanted_;
   std::atomic<int64_t> spent_ns_{0};
+  std::mutex mutex_;
+  std::map<std::thread::id, OfThread> threads_;  // guarded by mutex_
   std::atomic<End> end_{End::kNone};
 };
 

@@ -1,5 +1,6 @@
 #include "server/gate/frame_watch.h"
 
+#include <algorithm>
 #include <utility>
 
 namespace sightline {
@@ -136,9 +137,9 @@ void FrameWatch::take_data(std::span<const std::byte> payload) {
 
 void FrameWatch::end_data(double now_s) {
   const double kib = static_cast<double>(from_client_.head().length) / 1024.0;
-  // The end of a call is worth a frame.
-  const double carried = static_cast<double>(completed_) * limits_.for_message + kib * limits_.for_kib + (from_client_.head().ends_stream() ? 1.0 : 0.0);
-  take_overhead(1.0 - carried, now_s);
+  const bool carries = completed_ > 0 || from_client_.head().ends_stream();
+  // It makes no room for other frames, since a message may be empty and a frame may hold thousands of them.
+  take_overhead(carries ? 0.0 : std::max(0.0, 1.0 - kib * limits_.for_kib), now_s);
 }
 
 void FrameWatch::end_by_client(const FrameHead& head) {
@@ -159,7 +160,7 @@ void FrameWatch::grant(uint32_t id) {
 
 void FrameWatch::end_by_server(uint32_t id) {
   const auto found = streams_.find(id);
-  if (found == streams_.end()) return;
+  if (found == streams_.end() || found->second.over) return;
   if (found->second.whole) return forget(id);
   held_bytes_ -= found->second.held_bytes();
   found->second.over = true;

@@ -30,13 +30,13 @@ struct FrameLimits {
   // Calls that one relay lets begin at once, and how many more each second, of all clients together. Others wait for their turn.
   double paced_burst = 32.0, paced_per_s = 2000.0;
   // Overhead that may come at once, and how much more each second. A frame is an overhead of 1, and of 1 more for each 512 bytes that
-  // belong to no message. What a client needs frames for makes up for them: each call that begins, each message that is complete, each KiB
-  // of messages, and each frame of the server that a client may answer.
+  // belong to no message. A frame of data is none if it completes a message or ends a call, and otherwise less, the more it carries. Each call
+  // that begins, and each frame of the server that a client may answer, makes room for some.
   double overhead_burst = 500.0, overhead_per_s = 100.0;
   double bytes_of_overhead = 512.0;
-  double for_call = 2.0, for_message = 2.0, for_kib = 1.0, for_answer = 3.0;
+  double for_call = 2.0, for_kib = 1.0, for_answer = 3.0;
   // Frames of a call that are still under way when the server ends the call. They count as if it were open.
-  int frames_after_end = 32;
+  int frames_after_end = 128;
   // The same for calls and for overhead on all connections of one client together. Behind one address there can be 200 connections, each
   // with some overhead at its start and at its end.
   double client_burst = 2000.0, client_per_s = 400.0;

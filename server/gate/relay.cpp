@@ -46,7 +46,7 @@ struct Relay::Line {
   bool said_goodbye = false;
   std::vector<std::byte> early = {};  // what gRPC said before the handshake was over
   // It waits until there is room for another call: the client is not read meanwhile, and what was read of it and not passed on is here.
-  bool waits = false;
+  uint64_t waits = 0;  // its place in the queue; 0: it does not wait
   std::vector<std::byte> held_back = {};
   std::string tls_trouble;
   std::string_view cut_for;  // why the client must be cut; empty: it need not
@@ -172,7 +172,7 @@ void Relay::serve(Side& side, uint32_t events) {
 // False when the connection is broken.
 bool Relay::read_from(Side& side) {
   Line& line = *side.line;
-  const bool held = &side == &line.client && line.waits;
+  const bool held = &side == &line.client && line.waits > 0;
   for (int reads = 0; reads < kReadsInARow && !held && !side.ended && side.other->waiting.empty(); ++reads) {
     const ssize_t size = ::recv(side.fd, buffer_.data(), buffer_.size(), MSG_DONTWAIT);
     if (size < 0) return errno == EAGAIN || errno == EINTR;
@@ -183,7 +183,7 @@ bool Relay::read_from(Side& side) {
     const auto bytes = static_cast<size_t>(size);
     const std::span<const std::byte> come(buffer_.data(), bytes);
     if (!(&side == &line.client ? take_from_client(line, come) : take_from_grpc(line, come))) return false;
-    if (!line.cut_for.empty() || line.passed_on || line.waits || bytes < buffer_.size()) return true;
+    if (!line.cut_for.empty() || line.passed_on || line.waits > 0 || bytes < buffer_.size()) return true;
   }
   return true;
 }
@@ -208,8 +208,8 @@ bool Relay::pass_to_grpc(Line& line, std::span<const std::byte> bytes) {
     bytes = bytes.subspan(taken);
     if (!line.watch.began_call() || (waiting_.empty() && calls_.take(gate_now_s()))) continue;
     line.held_back.assign(bytes.begin(), bytes.end());
-    line.waits = true;
-    waiting_.insert(&line);
+    line.waits = next_place_++;
+    waiting_.emplace(line.waits, &line);
     return true;
   }
   return true;
@@ -219,8 +219,8 @@ bool Relay::pass_to_grpc(Line& line, std::span<const std::byte> bytes) {
 void Relay::let_waiting_go_on() {
   while (Line* const line = next_waiting()) {
     if (!calls_.take(gate_now_s())) return;
-    waiting_.erase(line);
-    line->waits = false;
+    waiting_.erase(line->waits);
+    line->waits = 0;
     guarded(*line, [&] {
       std::vector<std::byte> bytes;
       bytes.swap(line->held_back);
@@ -230,11 +230,12 @@ void Relay::let_waiting_go_on() {
   }
 }
 
-// The one that goes on next. Those wait on for which gRPC has not taken what came before.
+// The one that goes on next: of the clients with the fewest recent calls, which are soon forgotten, the one that has waited longest. Those wait
+// on for which gRPC has not taken what came before.
 Relay::Line* Relay::next_waiting() const {
   Line* next = nullptr;
   double fewest = 0.0;
-  for (Line* const line : waiting_) {
+  for (const auto& [place, line] : waiting_) {
     if (!line->grpc.waiting.empty()) continue;
     const double calls = line->connection->flow ? line->connection->flow->recent_calls(gate_now_s()) : 0.0;
     if (next && calls >= fewest) continue;
@@ -353,14 +354,14 @@ void Relay::settle(Line& line) {
   if ((line.grpc.ended || line.grpc.hung_up) && line.connection->deadline_s == 0.0)
     line.connection->deadline_s = gate_now_s() + kFarewellS;
   // The client has closed: gRPC learns of it when it has read everything, and closes in turn.
-  if (line.client.ended && !line.waits && line.grpc.waiting.empty()) ::shutdown(line.grpc.fd, SHUT_WR);
+  if (line.client.ended && line.waits == 0 && line.grpc.waiting.empty()) ::shutdown(line.grpc.fd, SHUT_WR);
   if (!adjust(line.client) || !adjust(line.grpc)) end(line, {});
 }
 
 // False when the kernel has no memory for it.
 bool Relay::adjust(Side& side) {
   uint32_t interest = 0;
-  const bool held = &side == &side.line->client && side.line->waits;
+  const bool held = &side == &side.line->client && side.line->waits > 0;
   if (!side.ended && !held && side.other->waiting.empty()) interest |= EPOLLIN;
   if (!side.waiting.empty()) interest |= EPOLLOUT;
   // epoll reports a hang-up again and again, whether it is asked for or not. So such a socket leaves epoll while there is nothing to do for it.
@@ -374,7 +375,7 @@ bool Relay::adjust(Side& side) {
 
 void Relay::end(Line& line, std::string_view reason) {
   line.over = true;
-  waiting_.erase(&line);
+  waiting_.erase(line.waits);
   note_held(line, 0);
   over_(line.connection, reason);
   for (const Side* side : {&line.client, &line.grpc}) ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, side->fd, nullptr);

@@ -21,7 +21,6 @@
 #include <map>
 #include <memory>
 #include <mutex>
-#include <set>
 #include <span>
 #include <string_view>
 #include <thread>
@@ -107,7 +106,8 @@ class Relay {
   Lines lines_;
   Lines leaving_;  // they go to the next relay after the events of this round
   Lines ended_;    // kept until the events of this round are served
-  std::set<Line*> waiting_;  // until there is room for another call
+  std::map<uint64_t, Line*> waiting_;  // until there is room for another call, in the order in which they came
+  uint64_t next_place_ = 1;
   TokenBucket calls_;
   std::array<std::byte, kMostHeld> buffer_;
   std::vector<std::byte> plain_, sealed_;  // reused

@@ -16,7 +16,7 @@ class StreamMessages {
   // Beside the payload, each frame takes its head, which stays in memory with it, and an entry in gRPC's list of slices.
   static constexpr size_t kBytesOfFrame = 9 + 32;
 
-  void begin_frame() { ++frames_; }
+  void begin_frame() { ++frames_, ++unfinished_frames_; }
   // Returns the number of messages that these bytes complete.
   size_t take(std::span<const std::byte> payload) {
     received_ += payload.size();
@@ -28,13 +28,17 @@ class StreamMessages {
       if (!after_prefix() || left_ > 0) continue;
       ++completed;
       unfinished_ = prefix_size_ = 0;
+      unfinished_frames_ = 0;
     }
     if (held_payload() == 0) frames_ = 0;
     return completed;
   }
   // The server has taken so many bytes from the stream, or is ready to take so many more of a message that it waits for.
   void grant(uint32_t bytes) {
+    const uint64_t before = unread();
     granted_ += bytes;
+    // What is left has its part of the frames.
+    if (before > 0) frames_ = std::max(unfinished_frames_, frames_ * unread() / before);
     if (held_payload() == 0) frames_ = 0;
   }
 
@@ -45,7 +49,8 @@ class StreamMessages {
   }
 
  private:
-  uint64_t held_payload() const { return std::max(unfinished_, received_ > granted_ ? received_ - granted_ : 0); }
+  uint64_t unread() const { return received_ > granted_ ? received_ - granted_ : 0; }
+  uint64_t held_payload() const { return std::max(unfinished_, unread()); }
   bool after_prefix() const { return prefix_size_ == prefix_.size(); }
   size_t take_prefix(std::span<const std::byte> payload) {
     const size_t taken = std::min(prefix_.size() - prefix_size_, payload.size());
@@ -66,7 +71,8 @@ class StreamMessages {
   uint32_t left_ = 0;        // bytes of the message that are still to come, after its prefix
   uint64_t unfinished_ = 0;  // bytes of a message that is not complete, its prefix included
   uint64_t received_ = 0, granted_ = 0;
-  uint64_t frames_ = 0;  // since nothing was held
+  uint64_t frames_ = 0;             // of what is held
+  uint64_t unfinished_frames_ = 0;  // of the message that is not complete
 };
 
 }  // namespace sightline

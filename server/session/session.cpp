@@ -83,7 +83,7 @@ Result<std::unique_ptr<Session>> Session::open(SessionOptions options, std::uniq
   if (Status ok = check_targets(session->options_.targets, ids, "open.targets"); !ok)
     return tl::unexpected(ok.error());
   session->take_extents();
-  session->sampler_->prepare(session->mirror_);
+  if (session->sampler_) session->sampler_->prepare(session->mirror_);  // a session that never steps needs none
   session->stepper_.place_camera(session->options_.camera, glm::dvec3(0.0));
   return session;
 }

@@ -110,7 +110,7 @@ TEST(FrameWatch, BytesThatBelongToNoMessageCountToo) {
 }
 
 TEST(FrameWatch, MessagesAndTheEndOfACallAreFree) {
-  FrameWatch watch = greeted({.overhead_burst = 3, .overhead_per_s = 0});
+  FrameWatch watch = greeted({.overhead_burst = 6, .overhead_per_s = 0});
   for (uint32_t n = 0; n < 100; ++n)
     ASSERT_FALSE(read(watch, call(n) + frame(0, 0, 2 * n + 1, message(20)) + frame(8, 0, 0, 4) + frame(0, 1, 2 * n + 1, 0)));
 }
@@ -171,7 +171,29 @@ TEST(FrameWatch, NoMoreCallsAreKnownThanAllowed) {
   }
 }
 
+// Otherwise a frame of thousands of them would pay for thousands of others.
+TEST(FrameWatch, EmptyMessagesMakeRoomForNothing) {
+  std::string messages;
+  for (int i = 0; i < 200; ++i) messages += message(0);
+  FrameWatch watch = greeted({.overhead_burst = 20, .overhead_per_s = 0});
+  ASSERT_FALSE(read(watch, call(0)));
+  bool cut = false;
+  for (int i = 0; i < 30 && !cut; ++i) cut = read(watch, frame(7, 0, 0, 8) + frame(0, 0, 1, messages)).has_value();
+  EXPECT_TRUE(cut);
+}
+
 // --- what gRPC holds
+
+TEST(FrameWatch, AStreamOnWhichTheServerLagsBehindHoldsNoMoreAndMore) {
+  FrameWatch watch = greeted();
+  ASSERT_FALSE(read(watch, call(0) + frame(0, 0, 1, message(100))));
+  for (int i = 0; i < 100'000; ++i) {
+    ASSERT_FALSE(read(watch, frame(0, 0, 1, message(100))));
+    answer(watch, window_update(1, 105));
+  }
+  EXPECT_LT(watch.held_bytes(), 4 * (105 + StreamMessages::kBytesOfFrame));
+  EXPECT_GE(watch.held_bytes(), 105u);
+}
 
 TEST(FrameWatch, AMessageThatIsNotCompleteIsHeldWithAllItsFrames) {
   FrameWatch watch = greeted({.overhead_burst = 1e6});
@@ -189,7 +211,7 @@ TEST(FrameWatch, AMessageIsHeldUntilTheServerLetsTheClientSendOn) {
   ASSERT_FALSE(read(watch, call(0) + frame(0, 0, 1, message(100)) + frame(0, 0, 1, message(200))));
   EXPECT_EQ(watch.held_bytes(), 310u + 2 * StreamMessages::kBytesOfFrame);
   answer(watch, window_update(1, 110) + window_update(0, 1000));
-  EXPECT_EQ(watch.held_bytes(), 200u + 2 * StreamMessages::kBytesOfFrame);
+  EXPECT_EQ(watch.held_bytes(), 200u + StreamMessages::kBytesOfFrame);
   answer(watch, window_update(1, 200));
   EXPECT_EQ(watch.held_bytes(), 0u);
 }

@@ -5,7 +5,11 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <memory>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "tests/gate/frames.h"
 #include "tests/gate/gate_world.h"
@@ -138,6 +142,22 @@ TEST(Gate, TheClientWithFewerCallsGoesOnFirst) {
   // It waits for a moment after each call, not until the other one has no more.
   for (uint32_t n = 0; n < 5; ++n) EXPECT_TRUE(modest.pass(test::call(n) + test::frame(0, 0, 2 * n + 1, test::message(8)))) << n;
   EXPECT_LT(calls_passed(greedy), 200u);
+}
+
+TEST(Gate, ManyClientsThatTakeAllTheRoomTakeTurns) {
+  GateLimits limits;
+  limits.frames.paced_burst = 1, limits.frames.paced_per_s = 500;
+  GateWorld world(limits, nullptr, 1);
+  std::vector<std::unique_ptr<Pair>> pairs;
+  for (int n = 0; n < 12; ++n) {
+    pairs.push_back(std::make_unique<Pair>(world, ("127.0.1." + std::to_string(n + 1)).c_str()));
+    ASSERT_TRUE(pairs.back()->pass(test::greeting()));
+  }
+  for (const auto& pair : pairs) test::send_all(pair->client.get(), calls(0, 300));
+  std::vector<size_t> passed(pairs.size());
+  for (int round = 0; round < 5; ++round)
+    for (size_t n = 0; n < pairs.size(); ++n) passed[n] += calls_passed(*pairs[n]);
+  EXPECT_GT(*std::ranges::min_element(passed), *std::ranges::max_element(passed) / 3);
 }
 
 TEST(Gate, AConnectionWithoutCallsDoesNotWaitForThoseOfOthers) {
