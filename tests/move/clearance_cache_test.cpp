@@ -171,8 +171,12 @@ TEST(ClearanceCache, AmongVeryManyTrianglesItIsBoundedAndTheSameWhateverWasBefor
       without_room += std::ranges::count(a, 0.0f);
       with_room += a.size() - std::ranges::count(a, 0.0f);
     }
-    if (size_m < 1) EXPECT_GT(with_room, 0u);
-    if (size_m > 1) EXPECT_GT(without_room, 0u);
+    if (size_m < 1) {
+      EXPECT_GT(with_room, 0u);
+    }
+    if (size_m > 1) {
+      EXPECT_GT(without_room, 0u);
+    }
   }
 }
 
