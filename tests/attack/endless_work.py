@@ -156,12 +156,12 @@ def many_nodes(daemon):
     return f"{processor_s(daemon) - before:.2f} s of processor time for one file"
 
 
-def dense(size_m):
+def dense(size_m, half_m):
     def run(daemon):
         tcp = daemon.ready.read_text().split()[0]
-        scene = upload(tcp, soup(150_000, size_m)).hash
+        scene = upload(tcp, soup(150_000, size_m, half_m)).hash
         with Relay(tcp, "127.0.0.2") as second:
-            other = upload(second.address, soup(150_000, size_m, seed=2)).hash
+            other = upload(second.address, soup(150_000, size_m, half_m, seed=2)).hash
             before = processor_s(daemon)
             with Crowd(tcp, 1, scene=scene_of(scene)) as one, Crowd(second.address, 1, scene=scene_of(other)) as two:
                 time.sleep(attacks.ATTACK_S)
@@ -176,9 +176,9 @@ def stops(daemon):
 
 
 ATTACKS = [
-    Attack("22a", "two clients, each with 150,000 random triangles of 8 m", "a step of 3.2 s; others' p50 1.6 s", dense(8.0),
+    Attack("22a", "two clients, each with 150,000 random triangles of 60 m", "a step of 3.2 s; others' p50 1.6 s", dense(60.0, 300.0),
            options=unix_socket_too, beside_is_another_client=True),
-    Attack("22b", "the same with triangles of 0.4 m", "a step of 1.3 s", dense(0.4), options=unix_socket_too, beside_is_another_client=True),
+    Attack("22b", "the same with triangles of 2 m within 8 m", "a step of 1.6 s", dense(2.0, 4.0), options=unix_socket_too, beside_is_another_client=True),
     Attack("23a", "uploads of 1.2 MB of `{}`", "28.7 s of a core each; opens and uploads of all others blocked", empty_json(1_200_000),
            options=unix_socket_too, beside_is_another_client=True),
     Attack("23b", "uploads of 9 MB of `{}`", "26 min of a core each; SIGTERM hangs", empty_json(9_000_000), options=unix_socket_too,
