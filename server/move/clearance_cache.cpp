@@ -56,7 +56,7 @@ const ClearanceCache::Cell& ClearanceCache::cell_at(const Lattice& lattice, size
 // False if all cells together take more than is allowed: then not all of them may have been measured.
 bool ClearanceCache::measure_all(const Lattice& lattice, std::span<const glm::dvec3> point_m) {
   left_out_.assign(point_m.size(), 0);
-  uint64_t left = kTestsOfCells * point_m.size();
+  uint64_t left = kTestsOfLattice + kTestsOfCells * point_m.size();
   for (size_t i = 0; i < point_m.size(); ++i) {
     const uint64_t tests = cell_at(lattice, i, point_m[i]).tests;
     if (tests > left) return false;
@@ -70,7 +70,7 @@ void ClearanceCache::leave_out_far_ones(const Lattice& lattice, const glm::dvec3
   for (size_t i = 0; i < point_m.size(); ++i) by_distance_.emplace_back(glm::distance(point_m[i], middle_m), static_cast<uint32_t>(i));
   std::sort(by_distance_.begin(), by_distance_.end());
   left_out_.assign(point_m.size(), 0);
-  uint64_t left = kTestsOfCells * point_m.size();
+  uint64_t left = kTestsOfLattice + kTestsOfCells * point_m.size();
   bool all = true;
   for (const auto& [distance_m, i] : by_distance_) {
     const uint64_t tests = all ? cell_at(lattice, i, point_m[i]).tests : 0;

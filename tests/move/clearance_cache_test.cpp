@@ -167,7 +167,7 @@ TEST(ClearanceCache, AmongVeryManyTrianglesItIsBoundedAndTheSameWhateverWasBefor
       ASSERT_TRUE(std::ranges::equal(a, b)) << i;
       ASSERT_EQ(travelled_m, fresh_m) << i;
       const uint64_t cells = place.lattice.size();
-      EXPECT_LE(fresh.tests(), 2 * (cells * ClearanceCache::kTestsOfCells + ClearanceCache::kTestsOfCell) + 4 * ClearanceCache::kTestsOfCell);
+      EXPECT_LE(fresh.tests(), 2 * (ClearanceCache::kTestsOfLattice + cells * ClearanceCache::kTestsOfCells + ClearanceCache::kTestsOfCell) + 4 * ClearanceCache::kTestsOfCell);
       without_room += std::ranges::count(a, 0.0f);
       with_room += a.size() - std::ranges::count(a, 0.0f);
     }
