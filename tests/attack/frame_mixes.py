@@ -66,8 +66,9 @@ class Mix:
         return f"calls of {path.rsplit('/', 1)[-1]} {end}", make
 
     def messages(self):
-        size, stream = self.draw.choice((0, 1, 5, 20, 200, 4000)), self.stream()
-        return f"messages of {size} bytes", lambda: frame(DATA, 0, stream(), message(self.draw.randbytes(size)))
+        size, many, stream = self.draw.choice((0, 1, 5, 20, 200, 4000)), self.draw.choice((1, 1, 4, 200)), self.stream()
+        many = min(many, 16384 // (size + 5))
+        return f"{many} messages of {size} bytes a frame", lambda: frame(DATA, 0, stream(), many * message(self.draw.randbytes(size)))
 
     def pieces_of_a_message(self):
         """Of a message that never ends, after the call in which it comes."""

@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <memory>
 #include <thread>
+#include <vector>
 
 namespace sightline {
 namespace {
@@ -51,6 +53,17 @@ TEST(WorkLimit, AddsUpTheThreadsAndEndsThemAll) {
   EXPECT_TRUE(own.ends_now());
   WorkLimit::Part late(&limit);
   EXPECT_TRUE(late.ends());
+}
+
+// With the clock of above each look costs a second, whichever part looks. Ten nested parts that look in turns use 30 s, not 300.
+TEST(WorkLimit, TheTimeOfNestedPartsOfAThreadCountsOnce) {
+  WorkLimit limit({.clock = a_second_a_look, .most_ns = 31'000'000'000});
+  std::vector<std::unique_ptr<WorkLimit::Part>> parts;
+  for (int n = 0; n < 10; ++n) parts.push_back(std::make_unique<WorkLimit::Part>(&limit));
+  for (int round = 0; round < 3; ++round)
+    for (const auto& part : parts) EXPECT_FALSE(part->ends_now()) << round;
+  EXPECT_FALSE(parts.front()->ends_now());
+  EXPECT_TRUE(parts.front()->ends_now()) << "32 s";
 }
 
 TEST(WorkLimit, EndsWhenNobodyWaits) {
