@@ -38,23 +38,24 @@ class ThreeDaemons(contextlib.ExitStack):
     def __init__(self, start):
         super().__init__()
         self.daemons, self.operators = [], []
-        config = CONFIG.read_text()
-        for i in range(3):
-            metrics = free_port()
-            daemon = self.enter_context(start("--metrics-listen", f"127.0.0.1:{metrics}"))
-            self.daemons.append(daemon)
-            self.operators.append(f"127.0.0.1:{metrics}")
-            config = config.replace(f"127.0.0.1:5016{i + 1} port 5017{i + 1}", f"{daemon.address} port {metrics}")
-        port = free_port()
-        config = config.replace("127.0.0.1:50150", f"127.0.0.1:{port}")
-        assert not re.search(r"\b501[567]\d\b", config), "every port of the file was replaced"
-        file = pathlib.Path(self.enter_context(tempfile.TemporaryDirectory()), "haproxy.cfg")
-        file.write_text(config)
-        proxy = subprocess.Popen(["haproxy", "-f", str(file)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        self.callback(proxy.wait)
-        self.callback(proxy.terminate)
-        self.address = f"127.0.0.1:{port}"
-        wait_for_listener(port)
+        with contextlib.ExitStack() as begun:  # ends what has begun if anything here fails
+            ports = {}  # by the port in the file
+            for i in range(3):
+                metrics = free_port()
+                daemon = begun.enter_context(start("--metrics-listen", f"127.0.0.1:{metrics}"))
+                self.daemons.append(daemon)
+                self.operators.append(f"127.0.0.1:{metrics}")
+                ports |= {f"5016{i + 1}": daemon.address.rsplit(":", 1)[1], f"5017{i + 1}": str(metrics)}
+            ports["50150"] = str(free_port())
+            file = pathlib.Path(begun.enter_context(tempfile.TemporaryDirectory()), "haproxy.cfg")
+            # All ports at once: a free port may be one of those that the file names.
+            file.write_text(re.sub(r"\b501[567]\d\b", lambda named: ports[named[0]], CONFIG.read_text()))
+            proxy = subprocess.Popen(["haproxy", "-f", str(file)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            begun.callback(proxy.wait)
+            begun.callback(proxy.terminate)
+            self.address = f"127.0.0.1:{ports['50150']}"
+            wait_for_listener(ports["50150"])
+            self.push(begun.pop_all())
 
     def wait_until_moved(self, sessions):
         """Waits until the second and the third daemon have this many sessions."""
