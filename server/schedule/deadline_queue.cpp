@@ -62,9 +62,11 @@ void DeadlineQueue::check_deadline(const Flow& flow, int64_t deadline_ns, int64_
 }
 
 bool DeadlineQueue::held(const Client& client, int64_t now_ns) const {
-  if (now_ns >= client.long_until_ns || client.rounds < most_long_) return false;
-  const int64_t others_ns = &client == newest_client_ ? others_ns_ : newest_ns_;
-  return now_ns - others_ns < kActiveForNs;
+  const auto has_long_steps = [&](const Client* one) { return now_ns < one->long_until_ns; };
+  if (!has_long_steps(&client) || !step_.beside(client, now_ns)) return false;
+  const auto steps = short_step_.beside(client, now_ns) ? std::count_if(stepping_.begin(), stepping_.end(), has_long_steps)
+                                                        : std::count(stepping_.begin(), stepping_.end(), &client);
+  return static_cast<size_t>(steps) >= most_long_;
 }
 
 DeadlineQueue::Flow* DeadlineQueue::next(int64_t now_ns) const {
@@ -80,10 +82,9 @@ DeadlineQueue::Flow* DeadlineQueue::next(int64_t now_ns) const {
 }
 
 void DeadlineQueue::note_step(Client& client, int64_t now_ns) {
-  if (newest_client_ != &client) others_ns_ = newest_ns_;
-  newest_client_ = &client;
-  newest_ns_ = now_ns;
-  ++client.rounds;
+  step_.note(client, now_ns);
+  if (now_ns >= client.long_until_ns) short_step_.note(client, now_ns);
+  stepping_.push_back(&client);
 }
 
 DeadlineQueue::Flow* DeadlineQueue::pop(int64_t now_ns) {
@@ -120,8 +121,11 @@ void DeadlineQueue::charge(Flow& flow, int64_t cost_ns, int64_t now_ns) {
 }
 
 void DeadlineQueue::note_cost(Client& client, int64_t cost_ns, int64_t now_ns) {
-  if (client.rounds > 0) --client.rounds;
-  if (cost_ns > kLongStepNs || client.long_until_ns == INT64_MAX) client.long_until_ns = now_ns + kLongForNs;
+  if (const auto step = std::find(stepping_.begin(), stepping_.end(), &client); step != stepping_.end()) stepping_.erase(step);
+  if (cost_ns > kLongStepNs)
+    client.long_until_ns = now_ns + kLongForNs;
+  else if (client.long_until_ns == INT64_MAX)
+    client.long_until_ns = now_ns;
 }
 
 void DeadlineQueue::charge(Client& client, int64_t cost_ns) {

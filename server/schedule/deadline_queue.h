@@ -13,9 +13,10 @@
 // that was silent cannot save up a claim. The deadlines are tried again afterwards, because a load that fits can still be
 // late in the order of service.
 //
-// No order helps against steps that are under way, since they are not interrupted. While several clients step, a client with long steps
-// therefore never takes all threads: one is left for the others. How long a step takes is known only afterwards. So a client counts as one with long
-// steps for kLongForNs after each, and after its first step.
+// No order helps against steps that are under way, since they are not interrupted. So clients with long steps never take all threads together while
+// a client with short ones steps: one thread is left for those. Where all have long steps, none of them takes all threads while another
+// steps. How long a step takes is known only afterwards. So a client counts as one with long steps for kLongForNs after each, and until its first
+// step is done.
 #pragma once
 
 #include <cstddef>
@@ -24,6 +25,7 @@
 #include <memory>
 #include <set>
 #include <string>
+#include <vector>
 
 namespace sightline {
 
@@ -106,9 +108,24 @@ class DeadlineQueue {
     int64_t virtual_ns = 0;  // the largest start tag of its flows that was popped
     int64_t fair_until_ns = INT64_MIN;
     int64_t start_ns = 0, served_ns = 0;  // tags as those of a flow
-    size_t rounds = 0;                    // steps of its flows that were popped and not charged so far
     int64_t long_until_ns = INT64_MAX;    // it counts as a client with long steps; INT64_MAX before its first step
     uint64_t number = 0;                  // of the push since which it waits
+  };
+  // When steps were popped last.
+  class Newest {
+   public:
+    void note(const Client& client, int64_t now_ns) {
+      if (client_ != &client) others_ns_ = ns_;
+      client_ = &client;
+      ns_ = now_ns;
+    }
+    // Whether a client beside this one counts as stepping.
+    bool beside(const Client& client, int64_t now_ns) const { return now_ns - (client_ == &client ? others_ns_ : ns_) < kActiveForNs; }
+
+   private:
+    const Client* client_ = nullptr;  // of the newest step; it may be gone
+    int64_t ns_ = INT64_MIN / 2;
+    int64_t others_ns_ = INT64_MIN / 2;  // of the newest step of any other client
   };
   void insert(Flow& flow);
   void remove(Flow& flow);
@@ -125,10 +142,9 @@ class DeadlineQueue {
   int64_t virtual_ns_ = 0;  // the largest start tag of a client that was popped
   int64_t fair_until_ns_ = INT64_MIN;
   uint64_t pushes_ = 0;
-  size_t most_long_;  // steps of a client with long ones at the same time, while others step
-  const void* newest_client_ = nullptr;  // whose step was popped last; it may be gone
-  int64_t newest_ns_ = INT64_MIN / 2;    // when that was
-  int64_t others_ns_ = INT64_MIN / 2;    // when the last step of any other client was popped
+  size_t most_long_;  // steps of clients with long ones at the same time, while others step
+  std::vector<const Client*> stepping_;  // of each step that was popped and not charged so far
+  Newest step_, short_step_;  // of all clients, and of those with short steps
 };
 
 }  // namespace sightline

@@ -202,19 +202,44 @@ TEST_F(LongSteps, AShortOneBetweenThemChangesNothing) {
   EXPECT_EQ(queue.pop(2 * kMs), nullptr);
 }
 
+TEST_F(LongSteps, TwoClientsLeaveTheLastThreadToAThirdWithShortOnes) {
+  Flow of_second;
+  queue.join(of_second, "second");
+  serve(queue, of_second, kLong);
+  const auto both_step = [&](int64_t now_ns) {
+    queue.push(of_long[0], now_ns + 20 * kMs), queue.push(of_second, now_ns + 20 * kMs);
+    EXPECT_EQ(queue.pop(now_ns), &of_long[0]);
+    return queue.pop(now_ns) == &of_second;
+  };
+  EXPECT_TRUE(both_step(0)) << "no third one steps";
+  queue.charge(of_long[0], kLong, kMs), queue.charge(of_second, kLong, kMs);
+  other_steps(kMs);  // its first step: it counts as a client with long ones until then
+  other_steps(kMs);
+  EXPECT_FALSE(both_step(2 * kMs));
+  queue.push(of_other, 3 * kMs);
+  EXPECT_EQ(queue.pop(2 * kMs), &of_other) << "although it came last";
+  queue.charge(of_long[0], kLong, 3 * kMs);
+  EXPECT_EQ(queue.pop(3 * kMs), &of_second);
+}
+
 TEST_F(LongSteps, AreExpectedOfANewClientAndForAWhileAfterTheLast) {
-  std::array<Flow, 2> fresh;
-  for (Flow& flow : fresh) queue.join(flow, "new");
-  const int64_t forgotten_ns = 2 * kMs + DeadlineQueue::kLongForNs;
-  for (const int64_t now_ns : {kMs, forgotten_ns - 1, forgotten_ns}) {
-    other_steps(now_ns);
-    for (Flow& flow : fresh) queue.push(flow, now_ns + 20 * kMs);
-    EXPECT_EQ(queue.pop(now_ns), &fresh[0]);
-    EXPECT_EQ(queue.pop(now_ns), now_ns < forgotten_ns ? nullptr : &fresh[1]);
-    queue.charge(fresh[0], kMs, now_ns == kMs ? 2 * kMs : now_ns);
-    if (now_ns == forgotten_ns) break;
-    EXPECT_EQ(queue.pop(now_ns), &fresh[1]);
-    queue.charge(fresh[1], kMs, now_ns);
+  for (const int64_t first_ns : {kMs, kLong}) {
+    SCOPED_TRACE(first_ns);
+    std::array<Flow, 2> fresh;
+    for (Flow& flow : fresh) queue.join(flow, "new");
+    const auto has_all_threads = [&](int64_t now_ns, int64_t cost_ns) {
+      other_steps(now_ns);
+      for (Flow& flow : fresh) queue.push(flow, now_ns + 20 * kMs);
+      EXPECT_EQ(queue.pop(now_ns), &fresh[0]);
+      const bool all = queue.pop(now_ns) == &fresh[1];
+      queue.charge(fresh[0], cost_ns, now_ns);
+      EXPECT_EQ(all || queue.pop(now_ns) == &fresh[1], true);
+      queue.charge(fresh[1], kMs, now_ns);
+      return all;
+    };
+    EXPECT_FALSE(has_all_threads(kMs, first_ns));
+    EXPECT_EQ(has_all_threads(kMs + DeadlineQueue::kLongForNs - 1, kMs), first_ns != kLong);
+    EXPECT_TRUE(has_all_threads(kMs + DeadlineQueue::kLongForNs, kMs));
   }
 }
 
@@ -392,11 +417,11 @@ TEST_P(Overload, ManySessionsOfOneClientTakeNothingFromAnother) {
   }
 }
 
-TEST_P(Overload, LongStepsOfOneClientDoNotMakeAnotherWait) {
+TEST_P(Overload, LongStepsOfOtherClientsMakeNobodyWait) {
   const unsigned threads = GetParam();
   if (threads == 1) GTEST_SKIP() << "one thread is busy with a step that is not interrupted";
   std::vector<Player> players;
-  for (unsigned i = 0; i < 6; ++i) players.push_back({16 * kMs, 80 * kMs, 0, "long"});
+  for (const char* client : {"first", "first", "first", "second", "second", "third"}) players.push_back({16 * kMs, 80 * kMs, 0, client});
   players.push_back({16 * kMs, kMs, 5 * kMs, "short"});
   Machine(players, threads).run(4000 * kMs);
   EXPECT_LE(players.back().late, 3u) << "until it is known that the steps are long";
