@@ -186,6 +186,7 @@ class Run {
       goals.push_back({frame.time_s, played.goals_m[i], centers_m.back(), frame.jump});
     }
     record_.turns = answers_to_turns(played.frames, centers_m);
+    record_.coherence = coherence_of(played.frames, centers_m);
     if (std::any_of(goals.begin(), goals.end(), [](const GoalSample& g) { return g.goal_m.has_value(); }))
       record_.goals = goals_of(goals);
   }

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "client/evaluate/policy.h"
+#include "client/truth/coherence.h"
 #include "client/truth/metrics.h"
 #include "client/truth/reaction.h"
 #include "client/truth/turns.h"
@@ -57,6 +58,7 @@ struct RunRecord {
   RunMetrics metrics;
   ReactionMetrics reaction;
   TurnMetrics turns;
+  CoherenceMetrics coherence;
   double longest_blind_with_way_s = 0.0;  // client/truth/free_way.h
   // Only for policies that say what they see, what their status is, and where they head.
   std::optional<ReportMetrics> reports;

@@ -19,6 +19,13 @@ struct Column {
 
 constexpr Column kAnswerColumns[] = {
     {"longest_blind_with_way_s", [](const Run& r) { return r.longest_blind_with_way_s; }},
+    {"shot_kept_share", [](const Run& r) { return r.coherence.kept_share; }},
+    {"shot_deviation", [](const Run& r) { return r.coherence.mean.mean(); }},
+    {"shot_deviation_side", [](const Run& r) { return r.coherence.mean.side; }},
+    {"shot_deviation_height", [](const Run& r) { return r.coherence.mean.height; }},
+    {"shot_deviation_size", [](const Run& r) { return r.coherence.mean.size; }},
+    {"shot_deviation_place", [](const Run& r) { return r.coherence.mean.place; }},
+    {"mean_acceleration_mps2", [](const Run& r) { return r.coherence.mean_acceleration_mps2; }},
     {"turns", [](const Run& r) { return double(r.turns.turns); }},
     {"mean_turn_answer_s", [](const Run& r) { return r.turns.mean_answer_s; }},
     {"unanswered_turns", [](const Run& r) { return double(r.turns.unanswered); }},
@@ -74,6 +81,9 @@ Means over seeds. Collisions and violations are frames, summed over seeds; blind
   with way        longest part of one in which a place that sees a target could be reached within 2 s
   episodes        how often a target is lost from sight
   d_c             length of the camera's path
+  shot kept       share of frames in which side, height, size and place each deviate from the first frame's by at most 0.5
+  deviation       mean of these four, each from 0 (within its free band) to 1 (beyond its limit)
+  accel.          mean size of the camera's acceleration
   at a_max        share of frames at the acceleration limit
   jerk            root mean square
   reversals       the camera turns back
@@ -213,6 +223,9 @@ void print_summary(std::ostream& out, std::span<const Run> runs) {
                {"collisions", true},
                {"violations", true},
                {"d_c m", true},
+               {"shot kept", true},
+               {"deviation", true},
+               {"accel. m/s2", true},
                {"at a_max", true},
                {"jerk m/s3", true},
                {"reversals/s", true},
@@ -238,6 +251,9 @@ void print_summary(std::ostream& out, std::span<const Run> runs) {
                total([](const Run& r) { return r.metrics.body_collisions; }),
                total([](const Run& r) { return r.metrics.limit_violations; }),
                of("%.1f", [](const Run& r) { return r.metrics.d_c_m; }),
+               percent(mean(group, [](const Run& r) { return r.coherence.kept_share; })),
+               of("%.2f", [](const Run& r) { return r.coherence.mean.mean(); }),
+               of("%.2f", [](const Run& r) { return r.coherence.mean_acceleration_mps2; }),
                percent(mean(group, [](const Run& r) { return r.metrics.acceleration_limit_share; })),
                of("%.0f", [](const Run& r) { return r.metrics.rms_jerk_mps3; }),
                of("%.2f", [](const Run& r) { return r.metrics.reversals_per_s; }),

@@ -6,7 +6,7 @@
 #include "client/evaluate/policy.h"
 #include "server/aggregate/lattice.h"
 #include "server/move/body.h"
-#include "server/move/choose.h"
+#include "server/paper/choose_place.h"
 #include "server/move/framing.h"
 #include "server/move/motion.h"
 #include "server/scene/clearance.h"

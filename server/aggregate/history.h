@@ -5,6 +5,7 @@
 // cell was outside the bound, are unknown: neither seen nor hidden.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -33,6 +34,9 @@ class VisibilityHistory {
  public:
   // Forgets everything when `slots` differs from before. Slots are numbered [0, slots).
   void resize(size_t slots);
+
+  // Forgets everything, and keeps the memory.
+  void forget() { std::fill(slots_.begin(), slots_.end(), Slot{}); }
 
   // Renumbers the targets: target i is now the one that had index old_of_new[i], or a new one for -1. At most 32 targets; none at the
   // start.

@@ -48,6 +48,9 @@ class TemporalVolume {
   void filter(std::span<const uint32_t> slots, std::span<const uint32_t> visible_now, uint32_t steered,
               std::vector<uint32_t>& visible_targets);
 
+  // Forgets what every candidate has seen, and keeps the memory.
+  void forget() { history_.forget(); }
+
   VisibilityHistory& history() { return history_; }
 
  private:

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 
 namespace sightline {
@@ -46,6 +47,13 @@ void for_each_face(Take take) {
 
 }  // namespace
 
+int map_resolution(const SampleSettings& settings, const Bound& bound) {
+  if (settings.density_per_m3 <= 0) return settings.resolution;
+  const double volume_m3 = 4.0 / 3.0 * std::numbers::pi * bound.radius_m * bound.radius_m * bound.radius_m;
+  const double wanted = std::ceil(std::cbrt(settings.density_per_m3 * volume_m3));
+  return static_cast<int>(std::clamp<double>(wanted, kLeastResolution, std::max(settings.resolution, kLeastResolution)));
+}
+
 int face_resolution(int resolution) {
   return std::max(kLeastResolution, static_cast<int>(std::lround(resolution / std::tan(kMaxHalfAngleRad))));
 }
@@ -56,11 +64,11 @@ int plan_views(const glm::dvec3& eye_m, const Bound& bound, const SampleSettings
   const double distance = glm::length(to_center);
   if (bound.radius_m < distance * std::sin(kMaxHalfAngleRad)) {
     const double half_width = std::tan(std::asin(bound.radius_m / distance));
-    views.push_back(square_view(eye_m, frame_along(to_center), half_width, settings.resolution, jitter));
+    views.push_back(square_view(eye_m, frame_along(to_center), half_width, map_resolution(settings, bound), jitter));
     return 1;
   }
   const size_t before = views.size();
-  const int resolution = face_resolution(settings.resolution);
+  const int resolution = face_resolution(map_resolution(settings, bound));
   for_each_face([&](const glm::dmat3& world_from_view) {
     if (face_sees_ball(world_from_view, to_center, bound.radius_m))
       views.push_back(square_view(eye_m, world_from_view, 1.0, resolution, jitter));

@@ -17,6 +17,10 @@ inline constexpr int kLeastResolution = 2;  // texels a side, for maps of more t
 // Beyond this half angle one frustum distorts too much: several maps are taken instead.
 inline constexpr double kMaxHalfAngleRad = 1.0471975511965976;  // 60 degrees
 
+// The texels a side of a map of the whole bound: settings.resolution, or with a density the cube root of the samples that are wanted in the bound, if
+// that is less (paper 3.2).
+int map_resolution(const SampleSettings& settings, const Bound& bound);
+
 // The resolution of a cube face that replaces one frustum. Its texels are about as wide as in the widest single frustum, so
 // that six faces cost as much as two maps.
 int face_resolution(int resolution);

@@ -133,7 +133,7 @@ GltfLimits GltfLimits::within(size_t bytes) {
   // With what is needed while it is built: three own corners for each triangle, indices and trees.
   constexpr size_t kBytesOfTriangle = 96;
   // Measured, with what tinygltf and the JSON library make of them.
-  constexpr size_t kBytesOfNode = 512, kBytesOfJsonValue = 64;
+  constexpr size_t kBytesOfNode = 512, kBytesOfJsonValue = 96;
   GltfLimits limits;
   limits.max_triangles = std::min(limits.max_triangles, bytes / kBytesOfTriangle);
   limits.max_nodes = std::min(limits.max_nodes, bytes / kBytesOfNode);

@@ -70,7 +70,10 @@ Status InstanceShare::change(size_t bytes, const char* field) {
 size_t session_state_bytes(const StepSettings& settings, size_t targets) {
   const auto candidates = static_cast<size_t>(std::max(settings.aggregate.candidates, 0));
   const auto points = static_cast<size_t>(std::max(settings.sample.points, 1)), side = static_cast<size_t>(settings.sample.resolution);
-  return kBytesOfSession + targets * (candidates * kBytesOfCandidate + points * side * side * kBytesOfTexel);
+  // The temporal volume over pair volumes keeps the depths of the last maps (PairHistory).
+  const bool keeps_maps = settings.aggregate.volume == Volume::kPair && settings.aggregate.filter.mode == FilterMode::kJoint;
+  const size_t kept = keeps_maps ? static_cast<size_t>(std::max(settings.aggregate.filter.n, 1)) * side * side * sizeof(double) : 0;
+  return kBytesOfSession + targets * (candidates * kBytesOfCandidate + points * side * side * kBytesOfTexel + kept);
 }
 
 double step_cost_ms(const StepSettings& settings, size_t targets, size_t parts) {

@@ -157,6 +157,27 @@ struct StateFields {
     (void)settings, (void)steps, (void)lattice_slots, (void)scratch, (void)old_of_new;  // of the present step
     archive(target_ids, history, switches);
   }
+  template <typename A, SameAs<PairVolume> T>
+  static void each(A& archive, T& volume) {
+    auto& [a, world_from_volume, length, far, y_top, xa_min, xa_max, xb_min, xb_max, resolution] = volume;
+    archive(a, world_from_volume[0], world_from_volume[1], world_from_volume[2], length, far, y_top, xa_min, xa_max, xb_min, xb_max, resolution);
+  }
+  template <typename A, SameAs<ChainLink> T>
+  static void each(A& archive, T& link) {
+    auto& [from, to, volume] = link;
+    archive(from, to, volume);
+  }
+  template <typename A, SameAs<PairHistory::Frame> T>
+  static void each(A& archive, T& frame) {
+    auto& [target_ids, links, jitter, slack, depth] = frame;
+    archive(target_ids, links, jitter, slack, depth);
+  }
+  template <typename A, SameAs<PairHistory> T>
+  static void each(A& archive, T& history) {
+    auto& [frames, newest, records, index_in_frame] = history;
+    (void)records, (void)index_in_frame;  // of the present step
+    archive(frames, newest);
+  }
   template <typename A, SameAs<OcclusionSmoother::Past> T>
   static void each(A& archive, T& past) {
     auto& [owner, step, smoothed] = past;
@@ -179,8 +200,8 @@ struct StateFields {
   }
   template <typename A, SameAs<CandidateMemory> T>
   static void each(A& archive, T& memory) {
-    auto& [lattice, volume, smoother, ahead, ahead_targets] = memory;
-    archive(lattice, volume, smoother, ahead, ahead_targets);
+    auto& [lattice, volume, pairs, smoother, ahead, ahead_targets] = memory;
+    archive(lattice, volume, pairs, smoother, ahead, ahead_targets);
   }
   template <typename A, SameAs<ShareWindow::Step> T>
   static void each(A& archive, T& step) {
@@ -348,13 +369,27 @@ struct StateFields {
   static bool possible(const MotionPredictor::Track& track) {
     return track.next_ < MotionPredictor::kKept && track.count_ <= MotionPredictor::kKept;
   }
+  static bool possible(const PairHistory::Frame& frame) {
+    const size_t targets = frame.target_ids.size();
+    const int side = frame.links.empty() ? 0 : frame.links.front().volume.resolution;
+    const auto joins = [&](const ChainLink& link) {
+      return link.from < targets && link.to < targets && link.volume.resolution == side && link.volume.length_m > 0 && link.volume.far_m > 0;
+    };
+    return targets <= kMaxTargets && side >= 0 && side <= kMaxMapSize && std::all_of(frame.links.begin(), frame.links.end(), joins) &&
+           (frame.links.empty() || (side > 0 && frame.depth_m.size() == targets * static_cast<size_t>(side * side)));
+  }
+  static bool possible(const PairHistory& history) {
+    const auto& frames = history.frames_;
+    return frames.size() <= kHistorySteps && (frames.empty() || history.newest_ < frames.size()) &&
+           std::all_of(frames.begin(), frames.end(), [](const PairHistory::Frame& frame) { return possible(frame); });
+  }
   static bool possible(const CandidateMemory& memory) {
     const Lattice& lattice = memory.lattice;
     const VisibilityHistory& history = memory.volume.history_;
     const uint64_t side = static_cast<uint64_t>(std::max(lattice.side_, 0));
     const bool cells = lattice.cells_.empty() || (side < 4096 && lattice.cells_.size() == side * side * side);
     const size_t rows = history.slots_.size() * history.targets_;
-    return lattice.side_ >= 0 && lattice.spacing_m_ >= 0 && cells && history.targets_ <= kMaxTargets &&
+    return lattice.side_ >= 0 && lattice.spacing_m_ >= 0 && cells && possible(memory.pairs) && history.targets_ <= kMaxTargets &&
            memory.volume.target_ids_.size() == history.targets_ && history.records_.size() == rows &&
            memory.volume.switches_.size() == rows;
   }

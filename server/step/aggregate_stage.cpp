@@ -29,9 +29,11 @@ class Aggregation {
 
   void list_candidates();
   void add_own_and_desired_position();
+  void list_own_texels();
   void fit_cells();
   void look_now();
   void filter();
+  void filter_pairs();
   void look_ahead();
   void add_up_hidden();
   void renew_slices();
@@ -60,20 +62,19 @@ class Aggregation {
   const bool weighs_hidden_;
 };
 
-// With a filter the candidates are the lattice's cells even for pair volumes, because only a fixed position in the
-// world can have a history. `cover` gives cells addresses, which are needed where data is stored by cell: visibility
-// for the filter, or clearance and smoothed occlusion.
+// `cover` gives cells addresses, which are needed where data is stored by cell: visibility for the filter, or clearance and smoothed
+// occlusion.
 void Aggregation::list_candidates() {
+  sights_.on_lattice = !plan_.pair.used;
+  sights_.texels.clear();
+  if (plan_.pair.used)
+    return compose_chain(plan_.chain, taken_.maps, bound_, settings_.relative_bias, candidates_, sights_.texels);
   Lattice& lattice = memory_.lattice;
   if (filters() || weighs_hidden_)
     lattice.cover(bound_, settings_.candidates);
   else
     lattice.lay(bound_, settings_.candidates);
-  sights_.on_lattice = !plan_.pair.used || filters() || weighs_hidden_;
-  if (sights_.on_lattice)
-    candidates_.position_m.set_runs(lattice.spacing_m(), lattice.runs(), lattice.size());
-  else
-    compose_chain(plan_.chain, taken_.maps, bound_, settings_.relative_bias, candidates_);
+  candidates_.position_m.set_runs(lattice.spacing_m(), lattice.runs(), lattice.size());
 }
 
 // Adds two candidates off the grid: the camera's own position and the desired one. Without them a camera at rest would
@@ -82,6 +83,15 @@ void Aggregation::add_own_and_desired_position() {
   sights_.own_candidate = candidates_.position_m.size();
   candidates_.position_m.push_back(step_.camera.pose.position_m);
   if (step_.targets.steered != 0) candidates_.position_m.push_back(nearest_in_bound_m(bound_, desired_m_));
+  if (!sights_.on_lattice) list_own_texels();
+}
+
+void Aggregation::list_own_texels() {
+  const glm::dvec2 jitter = taken_.maps.front().view.jitter;
+  for (size_t i = sights_.own_candidate; i < candidates_.position_m.size(); ++i) {
+    const auto texels = nearest_texels(plan_.chain.links.front().volume, candidates_.position_m[i], jitter);
+    sights_.texels.push_back(texels.value_or(glm::ivec3(-2 - 2 * static_cast<int>(i - sights_.own_candidate), 0, 0)));
+  }
 }
 
 // Moves cells to where the body fits. Their places follow the candidates for the look-ups.
@@ -148,12 +158,24 @@ void Aggregation::look_now() {
   candidates_.visible_targets[sights_.own_candidate] = seen_from_own_position();
 }
 
+// The past of a pair volume's candidates is looked up in the volumes of the last steps.
+void Aggregation::filter_pairs() {
+  memory_.volume.forget();  // its steps would pass for recent ones later
+  if (step_.move_s <= 0) return;
+  const std::span<const uint64_t> ids = step_.targets.ids;
+  memory_.pairs.push(plan_.chain, taken_.maps.first(ids.size()), ids, settings_.relative_bias, settings_.filter.n);
+  memory_.pairs.filter(candidates_.position_m.view().singles_m(), candidates_.visible_targets, ids, step_.targets.steered, settings_.filter,
+                       candidates_.filtered_targets);
+}
+
 // Lattice cells keep their history. The two positions off the lattice take over the history of the nearest cell.
 void Aggregation::filter() {
-  // The history counts steps only while a filter is on, so old entries must not pass for recent ones when it is
+  // The histories count steps only while a filter is on, so old entries must not pass for recent ones when it is
   // switched on again.
-  if (!filters()) memory_.volume = {};
+  if (!filters()) memory_.volume = {}, memory_.pairs.clear();
+  if (filters() && !sights_.on_lattice) return filter_pairs();
   if (!filters() || step_.move_s <= 0) return;
+  if (settings_.filter.mode == FilterMode::kJoint && plan_.pair.asked) memory_.pairs.push_none(settings_.filter.n);
   const size_t cells = memory_.lattice.size(), others = candidates_.size() - cells;
   TemporalVolume& volume = memory_.volume;
   volume.begin_step(memory_.lattice, 2, step_.targets.ids, settings_.filter, step_.move_s);

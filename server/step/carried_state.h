@@ -20,6 +20,7 @@
 #include "server/move/predict.h"
 #include "server/move/summed_gain.h"
 #include "server/move/trail.h"
+#include "server/paper/pair_history.h"
 #include "server/scene/target.h"
 #include "server/step/suggested_path.h"
 
@@ -55,6 +56,7 @@ struct WantedShot {
 struct CandidateMemory {
   Lattice lattice;
   TemporalVolume volume;   // which targets were seen from the lattice's cells
+  PairHistory pairs;       // the pair volumes of the last steps
   OcclusionSmoother smoother;  // share of the targets that moving occluders have hidden there
   HiddenAhead ahead;           // share of the targets that is expected to be hidden there
   uint64_t ahead_targets = 0;  // hash over the ids of the steered targets to which `ahead` belongs

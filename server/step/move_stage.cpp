@@ -4,6 +4,7 @@
 #include <functional>
 
 #include "server/move/keep_together.h"
+#include "server/paper/robust_costs.h"
 #include "server/step/stages.h"
 
 namespace sightline {
@@ -27,12 +28,15 @@ void leave_out_hidden_ahead(const MoveInput& in, std::vector<uint8_t>& members) 
     if (!seen_ahead(i)) members[i] = 0;
 }
 
-// Lists the candidates' cells and which of them see all steered targets.
+// Lists the candidates' cells, those of the lattice or of the pair volume, and which of them see all steered targets.
 void list_all_visible(const MoveInput& in, MoveScratch& scratch) {
   const CandidateSet& candidates = in.sights.candidates;
   const std::span<const uint32_t> seen = candidates.filtered();
   const uint32_t steered = in.step.targets.steered;
-  lattice_cells(candidates.position_m, in.carried.candidates.lattice.spacing_m(), scratch.cells);
+  if (in.sights.on_lattice)
+    lattice_cells(candidates.position_m, in.carried.candidates.lattice.spacing_m(), scratch.cells);
+  else
+    scratch.cells = in.sights.texels;
   scratch.members.resize(seen.size());
   for (size_t i = 0; i < seen.size(); ++i) scratch.members[i] = (seen[i] & steered) == steered;
 }
@@ -41,9 +45,19 @@ void set_robust_costs(const MoveInput& in, MoveScratch& s) {
   const auto& position_m = in.sights.position_m;
   list_all_visible(in, s);
   leave_out_hidden_ahead(in, s.members);
-  find_groups(s.cells, position_m, s.members, in.desired_m, s.group_scratch, s.groups);
+  const Neighbours neighbours = in.sights.on_lattice ? Neighbours::kFaces : Neighbours::kTouching;
+  find_groups(s.cells, neighbours, position_m, s.members, in.desired_m, s.group_scratch, s.groups);
+  if (in.step.input.settings.move.robust_goal == RobustGoal::kCenter) return center_costs(position_m, in.desired_m, s.groups, s.cost);
   measure_edge_distances(s.cells, s.members, s.edge_distance_scratch, s.edge_distance_squared);
   robust_costs(position_m, in.desired_m, s.groups, s.edge_distance_squared, s.cost);
+}
+
+// With RobustGoal::kCenter the camera goes to the group's centre itself rather than to the member next to it, if the body can go there.
+void aim_at_center(const MoveInput& in, const MoveScratch& s, const Reachable& reachable, Choice& choice) {
+  if (in.step.input.settings.move.robust_goal != RobustGoal::kCenter || choice.candidate < 0) return;
+  if (s.groups.largest == kNoGroup || s.groups.group_of[static_cast<size_t>(choice.candidate)] != s.groups.largest) return;
+  const glm::dvec3 center_m = center_of_largest_m(in.sights.position_m, s.groups);
+  if (reachable(center_m)) choice.place_m = center_m;
 }
 
 // Strategies kBasic and kRobust.
@@ -59,8 +73,10 @@ Choice choose(const MoveInput& in, MoveScratch& scratch) {
   if (settings.strategy == Strategy::kBasic)
     return choose_basic(candidates, targets, in.desired_m, ahead_weight, settings, reachable, scratch.choice_scratch);
   set_robust_costs(in, scratch);
-  return choose_place(candidates, targets, scratch.cost, in.desired_m, ahead_weight, settings, reachable,
-                      scratch.choice_scratch);
+  Choice choice = choose_place(candidates, targets, scratch.cost, in.desired_m, ahead_weight, settings, reachable,
+                               scratch.choice_scratch);
+  aim_at_center(in, scratch, reachable, choice);
+  return choice;
 }
 
 glm::dvec3 velocity_to(const MoveInput& in, const Choice& choice) {
@@ -69,7 +85,7 @@ glm::dvec3 velocity_to(const MoveInput& in, const Choice& choice) {
   if (choice.candidate < 0) return steer_velocity(camera, glm::dvec3(0.0), limits, 0.0, in.step.move_s);
   // A goal at the desired position moves with the targets; any other goal is fixed in the world.
   const bool travels = choice.reason == MoveReason::kAtDesiredPlace;
-  return velocity_towards(camera, in.sights.candidates.position_m[static_cast<size_t>(choice.candidate)],
+  return velocity_towards(camera, choice.place_m.value_or(in.sights.candidates.position_m[static_cast<size_t>(choice.candidate)]),
                           travels ? group_velocity_mps(in.step) : glm::dvec3(0.0), limits, in.step.move_s);
 }
 

@@ -56,6 +56,7 @@ StepResult result_of(const StepInput& input, const StepDump& dump) {
   result.volume = dump.plan.pair.used ? Volume::kPair : Volume::kLattice;
   result.pair_asked = dump.plan.pair.asked;
   result.pair_needs_two = dump.plan.pair.needs_two;
+  result.pair_needs_lattice = dump.plan.pair.needs_lattice;
   result.pair_gap = dump.plan.pair.gap;
   result.chosen_candidate = dump.decision.chosen_candidate;
   result.cut = dump.decision.cut;

@@ -239,17 +239,18 @@ class SlicePicker {
   std::array<double, kSlices> turns_rad_{};
 };
 
-// Plans pair volumes from one point of each target, the paper's one per frame. They are used if they can enclose the
-// bound.
-void chain_pairs(const SampleInput& in, SamplePlan& plan) {
+// Plans pair volumes from one point of each target, the paper's one per frame.
+void chain_pairs(const SampleInput& in, const glm::dvec2& jitter, SamplePlan& plan) {
   const StepSettings& settings = in.step.input.settings;
   plan.pair = {.asked = settings.aggregate.volume == Volume::kPair};
   if (!plan.pair.asked) return;
   plan.pair.needs_two = in.step.target_count() < 2;
-  if (plan.pair.needs_two) return;
+  // These keep what they know of a position by its lattice cell.
+  plan.pair.needs_lattice = weighs_hidden(in.step.input) || settings.aggregate.filter.mode == FilterMode::kPerTarget;
+  if (plan.pair.needs_two || plan.pair.needs_lattice) return;
   plan.chained_m.clear();
   for (const MapRange& points : plan.now.points_of_target) plan.chained_m.push_back(plan.now.points_m[points.first]);
-  plan.pair.gap = make_pair_chain(plan.chained_m, in.bound, settings.sample.resolution, plan.chain);
+  plan.pair.gap = make_pair_chain(plan.chained_m, in.bound, map_resolution(settings.sample, in.bound), jitter, plan.chain);
   plan.pair.used = plan.pair.gap == PairGap::kNone;
 }
 
@@ -348,7 +349,7 @@ void plan_sample(const SampleInput& in, SampleScratch& scratch, SamplePlan& plan
   PointPicker picker(in, scratch.picker, plan);
   for (size_t i = 0; i < in.step.target_count(); ++i) picker.pick_target(i);
   const glm::dvec2 jitter = texel_jitter(in.step.input);
-  chain_pairs(in, plan);
+  chain_pairs(in, jitter, plan);
   if (plan.pair.used)
     plan_chain_maps(jitter, plan);
   else

@@ -13,11 +13,12 @@
 #include "server/move/choose.h"
 #include "server/move/coherence.h"
 #include "server/move/flight_plan.h"
-#include "server/move/groups.h"
 #include "server/move/picture_fit.h"
 #include "server/move/route.h"
 #include "server/move/summed_gain.h"
 #include "server/move/clearance_cache.h"
+#include "server/paper/choose_place.h"
+#include "server/paper/groups.h"
 #include "server/step/target_points.h"
 #include "server/step/step.h"
 

@@ -143,7 +143,7 @@ StepResult Stepper::finish(const StageClock& clock) {
     aggregate({step, dump_.bound, taken, desired_m}, carried_.candidates, work.aggregate, dump_.sights);
   }
   {  // 4. Where to go, how fast, and which way to look? `choose_goal` (goal_search.cpp) chooses the candidate; for strategies
-     // of the paper `choose_place` and `choose_basic` (move/choose.cpp).
+     // of the paper `choose_place` and `choose_basic` (paper/choose_place.cpp).
     const StageTimer timer = work.time(clock, Stage::kMove);
     if (step.move_s > 0) gather_colliders(step, dump_.bound, dump_.surroundings);
     const MoveInput in{step, carried_, dump_.bound, dump_.plan, dump_.sights, dump_.surroundings, desired_m};

@@ -112,7 +112,8 @@ struct StepResult {
   Volume volume = Volume::kLattice;
   // The reason why pair volumes were not used although they were requested.
   bool pair_asked = false;
-  bool pair_needs_two = false;  // there are fewer than two targets
+  bool pair_needs_two = false;      // there are fewer than two targets
+  bool pair_needs_lattice = false;  // the strategy or the filter needs candidates that keep their places
   PairGap pair_gap = PairGap::kNone;
   InlineVector<TargetSight, kMaxTargets> targets;  // in the order of the input
   int chosen_candidate = -1;

@@ -9,7 +9,7 @@
 
 #include "server/aggregate/candidates.h"
 #include "server/aggregate/compose.h"
-#include "server/aggregate/pair_chain.h"
+#include "server/paper/pair_chain.h"
 #include "server/base/camera.h"
 #include "server/base/inline_vector.h"
 #include "server/bound/bound.h"
@@ -76,7 +76,8 @@ struct SampledSlice {
 // Use of pair volumes, and the reason if they were requested but not used.
 struct PairPlan {
   bool asked = false;
-  bool needs_two = false;  // there are fewer than two targets
+  bool needs_two = false;      // there are fewer than two targets
+  bool needs_lattice = false;  // the strategy or the filter needs candidates that keep their places
   PairGap gap = PairGap::kNone;
   bool used = false;
 };
@@ -129,6 +130,7 @@ struct CandidateSights {
   CandidateSet candidates;
   size_t own_candidate = 0;  // index of the camera's own position among the candidates
   bool on_lattice = false;   // the first candidates are the lattice's cells rather than a pair volume's
+  std::vector<glm::ivec3> texels;  // of a pair volume: (u, v, w) of every candidate. One outside the volume has texels without a neighbour.
   std::vector<glm::dvec3> position_m;  // of the candidates, listed; empty for strategy kBasic. For kMinCost where the body fits (clearance_cache.h)
   std::vector<float> clearance_m;      // strategy kMinCost: by candidate, to static colliders, within a limit
   std::vector<double> hidden;          // strategy kMinCost: by candidate, the hidden share of the targets, [0, 1]

@@ -71,6 +71,7 @@ v1::MoveReason to_proto(MoveReason reason) {
 v1::PairFallback pair_fallback(const StepResult& step) {
   if (!step.pair_asked || step.volume == Volume::kPair) return v1::PAIR_FALLBACK_UNSPECIFIED;
   if (step.pair_needs_two) return v1::PAIR_FALLBACK_NEEDS_TWO_TARGETS;
+  if (step.pair_needs_lattice) return v1::PAIR_FALLBACK_NEEDS_LATTICE;
   switch (step.pair_gap) {
     case PairGap::kNone:
       return v1::PAIR_FALLBACK_UNSPECIFIED;

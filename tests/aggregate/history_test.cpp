@@ -124,6 +124,19 @@ TEST(VisibilityHistory, ASlotOfNobodyHasNoPast) {
   EXPECT_EQ(history.records(0)[0].known, 1u);
 }
 
+TEST(VisibilityHistory, ForgetsEverySlot) {
+  VisibilityHistory history;
+  history.resize(2);
+  history.remap(std::vector<int>{-1});
+  history.begin_step();
+  history.push(1, 7, 1u);
+  history.forget();
+  EXPECT_EQ(history.owner(1), 0u);
+  history.begin_step();
+  history.push(1, 7, 0u);
+  EXPECT_EQ(history.records(1)[0], (VisibilityRecord{0, 1})) << "the same owner has no past";
+}
+
 TEST(VisibilityHistory, ACopyGoesOnFromTheSamePast) {
   VisibilityHistory history;
   history.resize(2);

@@ -36,6 +36,8 @@ class Attack:
     options: Callable = dict
     # The healthy session is at the unix socket, and so another client than the attacker.
     beside_is_another_client: bool = False
+    # Memory of uploads that stay for sessions to come, as they should.
+    stays_mib: float = 0.0
 
 
 def refusal(call, *arguments, **more):

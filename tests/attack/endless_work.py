@@ -156,6 +156,10 @@ def many_nodes(daemon):
     return f"{processor_s(daemon) - before:.2f} s of processor time for one file"
 
 
+# Two uploads of 150,000 triangles: three own corners each, indices, and the tree.
+DENSE_MIB = 2 * 150_000 * 160 / (1 << 20)
+
+
 def dense(size_m, half_m):
     def run(daemon):
         tcp = daemon.ready.read_text().split()[0]
@@ -177,8 +181,9 @@ def stops(daemon):
 
 ATTACKS = [
     Attack("22a", "two clients, each with 150,000 random triangles of 60 m", "a step of 3.2 s; others' p50 1.6 s", dense(60.0, 300.0),
-           options=unix_socket_too, beside_is_another_client=True),
-    Attack("22b", "the same with triangles of 2 m within 8 m", "a step of 1.6 s", dense(2.0, 4.0), options=unix_socket_too, beside_is_another_client=True),
+           options=unix_socket_too, beside_is_another_client=True, stays_mib=DENSE_MIB),
+    Attack("22b", "the same with triangles of 2 m within 8 m", "a step of 1.6 s", dense(2.0, 4.0), options=unix_socket_too, beside_is_another_client=True,
+           stays_mib=DENSE_MIB),
     Attack("23a", "uploads of 1.2 MB of `{}`", "28.7 s of a core each; opens and uploads of all others blocked", empty_json(1_200_000),
            options=unix_socket_too, beside_is_another_client=True),
     Attack("23b", "uploads of 9 MB of `{}`", "26 min of a core each; SIGTERM hangs", empty_json(9_000_000), options=unix_socket_too,

@@ -4,7 +4,7 @@
 
 Prints a line an attack and writes the figures to FILE as JSON. Run it on an idle machine:
 attacker and healthy client share its CPUs with the daemon. An attack passes when every tick of the healthy session was answered, its p99 is
-under 33 ms, and the memory is back within 10 % of what it was before.
+under 33 ms, and the memory is back within 10 % of what it was before, but for uploads that stay.
 """
 import argparse
 import contextlib
@@ -59,7 +59,7 @@ def measured(one):
         seen = one.run(daemon)
         result = healthy.result()
         figures = {"number": one.number, "name": one.name, "before": one.before, "seen": seen, **result, "memory_before_mib": before,
-                   "memory_most_mib": daemon.most_memory_mib()}
+                   "memory_most_mib": daemon.most_memory_mib(), "stays_mib": one.stays_mib}
         if one.options is not dict:  # its folder goes away now
             time.sleep(options.after)
             return finished(figures, daemon, stack), None
@@ -70,7 +70,7 @@ def finished(figures, daemon, stack):
     figures["memory_after_mib"] = daemon.memory_mib()
     figures["alive"] = daemon.process.poll() is None
     stack.close()
-    back = figures["memory_after_mib"] <= figures["memory_before_mib"] * (1 + SLACK)
+    back = figures["memory_after_mib"] <= figures["memory_before_mib"] * (1 + SLACK) + figures["stays_mib"]
     figures["passed"] = bool(figures["alive"] and back and not figures["error"] and figures["answered"] == figures["ticks"] and
                              figures["p99_ms"] < LIMIT_MS)
     p99 = figures["p99_ms"] if figures["p99_ms"] is not None else float("inf")

@@ -166,9 +166,7 @@ TEST_F(ClientTest, ChangesGoWithTheNextTickInTheirOrderAndStay) {
   for (uint64_t sequence = 1; sequence <= 2; ++sequence) {
     ASSERT_TRUE(session->send(sequence == 1 ? first : tick(sequence)));
     const v1::CameraReply reply = next_reply(*session);
-    const bool used = reply.volume_used() == v1::VOLUME_USED_PAIR;
-    EXPECT_TRUE(used || reply.pair_fallback() == v1::PAIR_FALLBACK_TOO_CLOSE)
-        << "asked for, and told why when not used";
+    EXPECT_EQ(reply.volume_used(), v1::VOLUME_USED_PAIR) << "the preset asks for it";
     EXPECT_EQ(reply.depth_maps(0).width(), 14u) << sequence;
     EXPECT_NEAR(reply.field_of_view(), std::numbers::pi * 40 / 180, 1e-9) << sequence;
   }

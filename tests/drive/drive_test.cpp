@@ -120,8 +120,7 @@ TEST_F(DriveCommandTest, ThePresetIsWhatTheSessionStartsFrom) {
     EXPECT_EQ(run(), 0) << err_.str();
     const auto lines = trace_lines();
     return std::any_of(lines.begin(), lines.end(), [](const std::string& line) {
-      return line.find("PAIR") != std::string::npos ||
-             line.find("PAIR_TOO_CLOSE") != std::string::npos;
+      return line.find("PAIR") != std::string::npos;
     });
   };
   EXPECT_FALSE(uses_pairs());

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <set>
 
-#include "server/move/groups.h"
 #include "server/scene/clearance.h"
 #include "tests/move/random_nodes.h"
 #include "tests/support/triangle_soup.h"

@@ -18,8 +18,8 @@
 namespace sightline {
 namespace {
 
-constexpr uint64_t kEmbreeHash = 0x8ed95e22d116899d;
-constexpr uint64_t kLlvmpipeHash = 0x8ed95e22d116899d;
+constexpr uint64_t kEmbreeHash = 0x832dc9bd7fe27ba4;
+constexpr uint64_t kLlvmpipeHash = 0x832dc9bd7fe27ba4;
 
 std::string golden_path() {
   return SIGHTLINE_SOURCE_DIR "/tests/replay/golden/hall.mcap";

@@ -68,6 +68,10 @@ TEST(SessionState, GrowsWithTargetsCandidatesAndTexels) {
   EXPECT_GT(session_state_bytes(settings, 2), two + of_target);
   settings.sample.resolution = 64;
   EXPECT_GT(session_state_bytes(settings, 2), two + of_target + (size_t{1} << 20));
+  // The maps of the last steps, of which pair volumes keep the depths.
+  const size_t without = session_state_bytes(settings, 2);
+  settings.aggregate.volume = Volume::kPair, settings.aggregate.filter.mode = FilterMode::kJoint, settings.aggregate.filter.n = 64;
+  EXPECT_EQ(session_state_bytes(settings, 2), without + 64 * 2 * 64 * 64 * sizeof(double));
 }
 
 TEST_F(InstanceShareTest, InstancesAndShapesCountTogether) {

@@ -94,6 +94,7 @@ class Yard {
   void set_size(int candidates, int resolution) {
     settings_.aggregate.candidates = candidates, settings_.sample.resolution = resolution;
   }
+  void set_volume(Volume volume) { settings_.aggregate.volume = volume; }
 
   // The number of allocations in this many steps.
   size_t step(int steps, bool count_take, bool moves) {
@@ -230,10 +231,13 @@ TEST_P(Allocation, ThereIsNoneInTenThousandSteadySteps) {
   // texels allow) grows the memory to its final size.
   const int candidates = GetParam().settings.aggregate.candidates, resolution = GetParam().settings.sample.resolution;
   yard.set_size(6 * candidates, resolution + 2);
+  yard.set_volume(Volume::kLattice);  // rarely used beside pair volumes
   EXPECT_GT(yard.step(kRoundSteps, false, true), 0u) << "memory has to grow at first";
+  yard.set_volume(GetParam().settings.aggregate.volume);
+  yard.step(kRoundSteps, false, true);
   EXPECT_GT(yard.play_without_sight(600), 300);
   yard.set_size(candidates, resolution);
-  yard.step(10'000, false, true);  // the camera takes another way in each round
+  yard.step(20'000, false, true);  // the camera takes another way in each round
   const int seen_before = yard.steps_with(TrackingStatus::kTracking);
   EXPECT_EQ(yard.step(10'000, false, true), 0u);
   const int seen = yard.steps_with(TrackingStatus::kTracking) - seen_before;

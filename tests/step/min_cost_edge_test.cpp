@@ -57,31 +57,6 @@ TEST(MinCostEdge, AWideBodyFindsItsWayToo) {
   EXPECT_EQ(r.targets[0].visible_share, 1.0);
 }
 
-// One map serves two targets. The pair volume has more or fewer candidates than the lattice.
-TEST(MinCostEdge, ThePairVolumeServesToo) {
-  for (const FilterMode filter : {FilterMode::kNone, FilterMode::kPerTarget})
-    for (const int candidates : {27, 343, 4000}) {
-      Filming world;
-      world.settings.aggregate.volume = Volume::kPair;
-      world.settings.aggregate.filter.mode = filter;
-      world.settings.aggregate.candidates = candidates;
-      world.settings.bound.target_reach_m = 0;
-      world.settings.bound.horizon_s = 0.5;
-      world.add_target(1, {-1.3, 1, 0}), world.add_target(2, {1.3, 1, 0});  // the pair volume holds the ball
-      world.add_box(10, {0.5, 1, 3}, {0.35, 4, 0.05});
-      world.place({0, 1.6, 6}, {0, 1, 0});
-      Watch watch(world);
-      StepResult r;
-      int pair = 0;
-      for (int i = 0; i < 240; ++i) {
-        world.step_in(watch, r);
-        pair += r.volume == Volume::kPair;
-      }
-      EXPECT_GT(pair, 0);
-      EXPECT_GT(r.targets[0].visible_share + r.targets[1].visible_share, 1.2) << candidates;
-    }
-}
-
 class MinCostEdgeTargets : public testing::TestWithParam<int> {};
 TEST_P(MinCostEdgeTargets, AnyNumberIsFilmedFarFromTheOrigin) {
   Filming world;

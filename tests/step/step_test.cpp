@@ -111,9 +111,16 @@ TEST_P(StepTargets, AnyNumberOfTargetsIsSteeredFor) {
 }
 INSTANTIATE_TEST_SUITE_P(Counts, StepTargets, testing::Values(1, 2, 3, 8, 32));
 
-TEST(Step, PairVolumeIsUsedWhenAskedForAndComplete) {
+// The default's strategy and filter need the lattice.
+void use_pairs(StepSettings& settings) {
+  settings.aggregate.volume = Volume::kPair;
+  settings.aggregate.filter.mode = FilterMode::kNone;
+  settings.move.strategy = Strategy::kBasic;
+}
+
+TEST(Step, PairVolumeIsUsedWhenAskedFor) {
   TwoPeople world;
-  world.settings.aggregate.volume = Volume::kPair;
+  use_pairs(world.settings);
   world.settings.bound.horizon_s = 0.35;
   const StepResult result = world.step(kTick);
   EXPECT_EQ(result.volume, Volume::kPair);
@@ -121,15 +128,16 @@ TEST(Step, PairVolumeIsUsedWhenAskedForAndComplete) {
   EXPECT_GT(world.counts().all_visible, 50u);
 }
 
-TEST(Step, IncompletePairVolumeFallsToTheLatticeAndSaysWhy) {
+TEST(Step, WithoutAPairVolumeItUsesTheLatticeAndSaysWhy) {
   struct Shot {
     glm::dvec3 a, b, camera;
     PairGap gap;
   };
   const Shot shots[] = {
-      {{-0.2, 1, 0}, {0.2, 1, 0}, {0, 1, 6}, PairGap::kTooClose},           // a close pair
-      {{-1, 1, 0}, {1, 1, 0}, {-4, 1.3, 0}, PairGap::kOnLine},              // over the shoulder
-      {{-4, 1, 0}, {4, 1, 0}, {0, 1.2, 0.1}, PairGap::kOnLine},             // between the targets
+      {{-0.2, 1, 0}, {0.2, 1, 0}, {0, 1, 6}, PairGap::kNone},               // a close pair
+      {{-1, 1, 0}, {1, 1, 0}, {-4, 1.3, 0}, PairGap::kNone},                // over the shoulder
+      {{-4, 1, 0}, {4, 1, 0}, {0, 1.2, 0.1}, PairGap::kNone},               // between the targets
+      {{0, 1, 0}, {0, 1, 0}, {0, 1, 6}, PairGap::kTooClose},                // at one place
       {{-1, 1, 0}, {1, 1, 0}, {6, 1, 0}, PairGap::kOnLine},                 // on the line AB
       {{-1, 1, 0}, {1.5, 1, 0}, {1.5, 1.1, 0.9}, PairGap::kTargetInBound},  // a target inside the ball
   };
@@ -138,12 +146,12 @@ TEST(Step, IncompletePairVolumeFallsToTheLatticeAndSaysWhy) {
     world.add_target(1, shot.a);
     world.add_target(2, shot.b);
     world.place(shot.camera, {0, 1, 0.01});
-    world.settings.aggregate.volume = Volume::kPair;
+    use_pairs(world.settings);
     const StepResult result = world.step(kTick);
-    EXPECT_EQ(result.volume, Volume::kLattice);
+    EXPECT_EQ(result.volume, shot.gap == PairGap::kNone ? Volume::kPair : Volume::kLattice);
     EXPECT_TRUE(result.pair_asked);
     EXPECT_EQ(result.pair_gap, shot.gap);
-    EXPECT_GT(world.counts().total, 100u) << "and the lattice was composed";
+    EXPECT_GT(world.counts().total, shot.gap == PairGap::kNone ? 2u : 100u) << "and candidates were composed";
   }
 }
 
@@ -152,7 +160,7 @@ struct Row : World {
   explicit Row(int count) {
     for (int i = 0; i < count; ++i) add_target(i + 1, {1.5 * i - 0.75 * (count - 1), 1, 0});
     place({0, 1.6, 3.0 + count}, {0, 1, 0});
-    settings.aggregate.volume = Volume::kPair;
+    use_pairs(settings);
     settings.bound.horizon_s = 0.3;
   }
 };
@@ -163,7 +171,7 @@ class StepChain : public testing::TestWithParam<int> {};
 // camera.
 TEST_P(StepChain, TakesOneMapOverTheBoundOfEveryTarget) {
   const int n = GetParam();
-  for (const FilterMode mode : {FilterMode::kNone, FilterMode::kJoint, FilterMode::kPerTarget})
+  for (const FilterMode mode : {FilterMode::kNone, FilterMode::kJoint})
     for (const int points : {0, 1, 8}) {
       Row world(n);
       world.settings.aggregate.filter.mode = mode;
@@ -211,16 +219,18 @@ TEST(Step, ChainAndLatticeSeeTheSameShares) {
   EXPECT_NEAR(share(lattice.counts()), share(chain.counts()), 0.08);
 }
 
-// The filter knows only positions in the world. So the chain's maps fill the histories of the lattice's cells.
-TEST(Step, AFilteredChainAnswersForTheLattice) {
+TEST(Step, AFilteredChainAnswersForItsOwnCandidates) {
   Row world(3);
   world.limits.max_jerk_mps3 = 0;
   world.settings.aggregate.filter.mode = FilterMode::kJoint;
   world.add_box(10, {0.9, 1, 2.0}, {0.2, 2, 0.05});
   for (int i = 0; i < 20; ++i) ASSERT_EQ(world.step(kTick).volume, Volume::kPair);
-  EXPECT_EQ(world.stepper.dump().sights.candidates.position_m[0], world.stepper.carried().candidates.lattice.positions_m()[0]);
-  EXPECT_GT(world.counts().all_visible, 20u);
-  EXPECT_GT(world.counts().some_visible, 20u);
+  const CandidateSights& sights = world.stepper.dump().sights;
+  EXPECT_FALSE(sights.on_lattice);
+  EXPECT_EQ(sights.candidates.filtered_targets.size(), sights.candidates.size());
+  EXPECT_EQ(sights.texels.size(), sights.candidates.size());
+  EXPECT_GT(world.counts().all_visible, 5u);
+  EXPECT_LT(world.counts().all_visible, world.counts().total);
 }
 
 TEST(Step, AChainThatCannotHoldATargetFallsToTheLatticeAndSaysWhy) {
@@ -238,7 +248,7 @@ TEST(Step, PairVolumeNeedsTwoTargets) {
   World world;
   world.add_target(1, {0, 1, 0});
   world.place({0, 1, 6}, {0, 1, 0});
-  world.settings.aggregate.volume = Volume::kPair;
+  use_pairs(world.settings);
   const StepResult result = world.step(kTick);
   EXPECT_EQ(result.volume, Volume::kLattice);
   EXPECT_TRUE(result.pair_needs_two);
@@ -255,7 +265,7 @@ TEST(Step, PairVolumeAndLatticeSeeTheSameShares) {
     world->settings.aggregate.candidates = 8000;
     world->add_box(10, {0.55, 1, 3}, {0.2, 2, 0.05});
   }
-  pair.settings.aggregate.volume = Volume::kPair;
+  use_pairs(pair.settings);
   lattice.step(kTick);
   ASSERT_EQ(pair.step(kTick).volume, Volume::kPair);
   const auto share = [](const SightCounts& c) { return double(c.all_visible) / c.total; };

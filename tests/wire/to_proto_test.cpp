@@ -499,7 +499,9 @@ TEST(ToProto, EveryReasonAgainstThePairVolumeIsTold) {
     step.pair_gap = gap;
     EXPECT_EQ(told(), std::pair(v1::VOLUME_USED_LATTICE, expected));
   }
-  step.pair_asked = false;
+  step.pair_needs_lattice = true;
+  EXPECT_EQ(told(), std::pair(v1::VOLUME_USED_LATTICE, v1::PAIR_FALLBACK_NEEDS_LATTICE));
+  step.pair_asked = step.pair_needs_lattice = false;
   EXPECT_EQ(told(), std::pair(v1::VOLUME_USED_LATTICE, v1::PAIR_FALLBACK_UNSPECIFIED)) << "not asked for";
   step.pair_asked = true, step.volume = Volume::kPair;
   EXPECT_EQ(told(), std::pair(v1::VOLUME_USED_PAIR, v1::PAIR_FALLBACK_UNSPECIFIED)) << "used";

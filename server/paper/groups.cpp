@@ -1,4 +1,4 @@
-#include "server/move/groups.h"
+#include "server/paper/groups.h"
 
 #include <algorithm>
 #include <cassert>
@@ -8,11 +8,23 @@
 namespace sightline {
 namespace {
 
+// The six faces first.
+constexpr std::array<glm::ivec3, 26> steps_to_neighbours() {
+  std::array<glm::ivec3, 26> steps{{{-1, 0, 0}, {1, 0, 0}, {0, -1, 0}, {0, 1, 0}, {0, 0, -1}, {0, 0, 1}}};
+  size_t count = 6;
+  for (int z = -1; z <= 1; ++z)
+    for (int y = -1; y <= 1; ++y)
+      for (int x = -1; x <= 1; ++x)
+        if (x * x + y * y + z * z > 1) steps[count++] = {x, y, z};
+  return steps;
+}
+constexpr std::array<glm::ivec3, 26> kSteps = steps_to_neighbours();
+
 class Finder {
  public:
-  Finder(std::span<const glm::ivec3> cell, std::span<const uint8_t> member, GroupScratch& scratch,
+  Finder(std::span<const glm::ivec3> cell, std::span<const glm::ivec3> steps, std::span<const uint8_t> member, GroupScratch& scratch,
          Groups& groups)
-      : cell_(cell), member_(member), s_(scratch), g_(groups) {}
+      : cell_(cell), steps_(steps), member_(member), s_(scratch), g_(groups) {}
 
   void index_cells() {
     const size_t n = cell_.size();
@@ -30,11 +42,9 @@ class Finder {
     if (s_.table.box()) return link_in_box(*s_.table.box());
     for (size_t i = 0; i < cell_.size(); ++i) {
       if (!owns_member_cell(i)) continue;
-      for (int side = 0; side < 6; ++side) {
-        glm::ivec3 at = cell_[i];
-        at[side / 2] += side % 2 == 0 ? -1 : 1;
-        const int32_t other = s_.table.slot_of(at);
-        s_.beside[i][side] = other >= 0 && member_[other] ? other : -1;
+      for (size_t k = 0; k < steps_.size(); ++k) {
+        const int32_t other = s_.table.slot_of(cell_[i] + steps_[k]);
+        s_.beside[i][k] = other >= 0 && member_[other] ? other : -1;
       }
     }
   }
@@ -69,7 +79,7 @@ class Finder {
     for (size_t i = 0; i < cell_.size(); ++i) {
       if (!owns_member_cell(i)) continue;
       const int32_t* const at = &s_.table.slot_of(cell_[i]);
-      s_.beside[i] = {at[-1], at[1], at[-row], at[row], at[-slice], at[slice]};
+      for (size_t k = 0; k < steps_.size(); ++k) s_.beside[i][k] = at[steps_[k].x + steps_[k].y * row + steps_[k].z * slice];
     }
   }
 
@@ -78,7 +88,7 @@ class Finder {
     s_.queue.assign(1, from);
     g_.group_of[from] = group;
     for (size_t head = 0; head < s_.queue.size(); ++head) {
-      for (const int32_t next : s_.beside[s_.queue[head]]) {
+      for (const int32_t next : std::span(s_.beside[s_.queue[head]]).first(steps_.size())) {
         if (next < 0 || g_.group_of[next] != kNoGroup) continue;
         g_.group_of[next] = group;
         s_.queue.push_back(next);
@@ -87,7 +97,7 @@ class Finder {
     g_.size_cells.push_back(static_cast<uint32_t>(s_.queue.size()));
   }
 
-  std::span<const glm::ivec3> cell_;
+  std::span<const glm::ivec3> cell_, steps_;  // steps to the neighbouring cells
   std::span<const uint8_t> member_;
   GroupScratch& s_;
   Groups& g_;
@@ -138,11 +148,11 @@ void spread(const CellBox& box, EdgeDistanceScratch& s) {
 
 }  // namespace
 
-void find_groups(std::span<const glm::ivec3> cell, std::span<const glm::dvec3> position_m,
+void find_groups(std::span<const glm::ivec3> cell, Neighbours neighbours, std::span<const glm::dvec3> position_m,
                  std::span<const uint8_t> member, const glm::dvec3& desired_m, GroupScratch& scratch,
                  Groups& groups) {
   assert(cell.size() == position_m.size() && cell.size() == member.size());
-  Finder finder(cell, member, scratch, groups);
+  Finder finder(cell, std::span(kSteps).first(neighbours == Neighbours::kFaces ? 6 : 26), member, scratch, groups);
   finder.index_cells();
   finder.link_neighbours();
   finder.flood_all();

@@ -1,4 +1,4 @@
-#include "server/move/cost.h"
+#include "server/paper/robust_costs.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,6 +10,13 @@ namespace {
 
 // More than any distance inside a bound. It sorts candidates outside the largest group after all inside.
 constexpr double kOutsideGroup = 1e6;
+
+// Makes cost the distance to a place, in the largest group first.
+void order_by_distance(std::span<const glm::dvec3> position_m, const glm::dvec3& place_m, const Groups& groups, std::vector<double>& cost) {
+  basic_costs(position_m, place_m, cost);
+  for (size_t i = 0; i < cost.size(); ++i)
+    if (groups.group_of[i] != groups.largest) cost[i] += kOutsideGroup;
+}
 
 }  // namespace
 
@@ -34,9 +41,20 @@ void robust_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desi
       best = i;
   }
   if (best == position_m.size()) return;
-  basic_costs(position_m, position_m[best], cost);
-  for (size_t i = 0; i < cost.size(); ++i)
-    if (groups.group_of[i] != groups.largest) cost[i] += kOutsideGroup;
+  order_by_distance(position_m, position_m[best], groups, cost);
+}
+
+glm::dvec3 center_of_largest_m(std::span<const glm::dvec3> position_m, const Groups& groups) {
+  glm::dvec3 sum_m(0.0);
+  double count = 0;
+  for (size_t i = 0; i < position_m.size(); ++i)
+    if (groups.group_of[i] == groups.largest) sum_m += position_m[i], count += 1;
+  return sum_m / count;
+}
+
+void center_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m, const Groups& groups, std::vector<double>& cost) {
+  if (groups.largest == kNoGroup) return basic_costs(position_m, desired_m, cost);
+  order_by_distance(position_m, center_of_largest_m(position_m, groups), groups, cost);
 }
 
 }  // namespace sightline

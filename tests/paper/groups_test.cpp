@@ -1,4 +1,4 @@
-#include "server/move/groups.h"
+#include "server/paper/groups.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@
 #include <tuple>
 
 #include "server/base/random.h"
-#include "server/move/cost.h"
+#include "server/paper/robust_costs.h"
 
 namespace sightline {
 namespace {
@@ -21,6 +21,7 @@ struct Grid {
   std::vector<glm::dvec3> places;
   std::vector<uint8_t> members;
   glm::dvec3 desired{0.0};
+  Neighbours neighbours = Neighbours::kFaces;
   GroupScratch scratch;
   Groups groups;
 
@@ -36,7 +37,7 @@ struct Grid {
         for (int x = low; x <= high; ++x) add({x, y, z}, is_member(glm::ivec3(x, y, z)));
   }
   const Groups& find() {
-    find_groups(cells, places, members, desired, scratch, groups);
+    find_groups(cells, neighbours, places, members, desired, scratch, groups);
     return groups;
   }
 };
@@ -71,7 +72,8 @@ struct UnionFind {
     for (size_t a = 0; a < parent.size(); ++a)
       for (size_t b = 0; b < a; ++b) {
         const glm::ivec3 d = glm::abs(grid.cells[a] - grid.cells[b]);
-        if (grid.members[a] && grid.members[b] && d.x + d.y + d.z == 1) parent[root(a)] = root(b);
+        const bool beside = grid.neighbours == Neighbours::kFaces ? d.x + d.y + d.z == 1 : std::max({d.x, d.y, d.z}) == 1;
+        if (grid.members[a] && grid.members[b] && beside) parent[root(a)] = root(b);
       }
   }
   int root(size_t i) const {
@@ -84,6 +86,7 @@ struct UnionFind {
 TEST(Groups, AreThoseOfUnionFindOnRandomSets) {
   for (uint64_t seed = 0; seed < 150; ++seed) {
     Grid grid = random_grid(seed);
+    grid.neighbours = seed % 2 == 0 ? Neighbours::kFaces : Neighbours::kTouching;
     const Groups& found = grid.find();
     const UnionFind reference(grid);
     std::map<int, int> group_of_root;
@@ -132,11 +135,13 @@ TEST(Groups, ALargerGroupWinsOverANearerOne) {
   EXPECT_EQ(grid.groups.largest, grid.groups.group_of[3]);
 }
 
-TEST(Groups, TouchingAtAnEdgeOrACornerDoesNotConnect) {
+TEST(Groups, TouchingAtAnEdgeOrACornerConnectsOnlyWhereAskedFor) {
   Grid grid;
   for (const glm::ivec3 c : {glm::ivec3(0, 0, 0), glm::ivec3(1, 1, 0), glm::ivec3(2, 2, 1)})
     grid.add(c, true);
   EXPECT_EQ(grid.find().size_cells.size(), 3u);
+  grid.neighbours = Neighbours::kTouching;
+  EXPECT_EQ(grid.find().size_cells.size(), 1u);
 }
 
 TEST(Groups, APlaceOffTheGridSharesItsCellsGroupOnlyWhenBothAreMembers) {
@@ -242,6 +247,25 @@ uint32_t nearest_hidden_squared(const Cells& c, size_t i) {
   return least;
 }
 
+TEST(Center, IsTheMeanOfTheLargestGroupAndItsMembersComeFirst) {
+  // A row of seven cells, of which the third is hidden, around a desired position at its start.
+  Grid grid;
+  for (int x = 0; x < 7; ++x) grid.add({x, 0, 0}, x != 2);
+  grid.find();
+  EXPECT_EQ(center_of_largest_m(grid.places, grid.groups), glm::dvec3(4.5 * 0.25, 0, 0));
+  std::vector<double> cost;
+  center_costs(grid.places, grid.desired, grid.groups, cost);
+  const auto order = [&](size_t i) { return cost[i]; };
+  for (size_t inside = 3; inside < 7; ++inside) {
+    EXPECT_NEAR(order(inside), std::abs(static_cast<double>(inside) - 4.5) * 0.25, 1e-12);
+    for (size_t outside = 0; outside < 3; ++outside) EXPECT_LT(order(inside), order(outside));
+  }
+  std::fill(grid.members.begin(), grid.members.end(), uint8_t{0});
+  grid.find();
+  center_costs(grid.places, grid.desired, grid.groups, cost);
+  EXPECT_EQ(std::min_element(cost.begin(), cost.end()) - cost.begin(), 0) << "no group: as Basic";
+}
+
 TEST(EdgeDistance, IsTheDistanceToTheNearestHiddenCandidate) {
   for (uint64_t seed = 0; seed < 200; ++seed) {
     Cells c = random_cells(seed);
@@ -273,7 +297,7 @@ TEST(Robust, LeavesHiddenCandidatesAndElseGoesToTheDesiredPosition) {
   Groups groups;
   std::vector<double> cost;
   const auto cheapest = [&](const glm::dvec3& desired) {
-    find_groups(c.cells, places, c.members, desired, scratch, groups);
+    find_groups(c.cells, Neighbours::kFaces, places, c.members, desired, scratch, groups);
     robust_costs(places, desired, groups, c.measure(), cost);
     return std::min_element(cost.begin(), cost.end()) - cost.begin();
   };

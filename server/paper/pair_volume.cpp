@@ -1,21 +1,29 @@
-#include "server/aggregate/pair_volume.h"
+#include "server/paper/pair_volume.h"
 
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <numbers>
 
 namespace sightline {
 namespace {
 
-// The far-plane columns between which a ball is seen from the point `x0` of the line AB. They are given by the ball's two tangents in the
-// xz plane, because a plane that contains the y direction and touches the ball touches its outline there.
-struct Columns {
-  double min, max;
+// A window on the plane z = 1, around the image of the ball's centre. `axis_rad` is the direction of the centre from the z axis, `half_rad` the ball's angular radius.
+// The ball's edges are given by its two tangents in the xz plane, because a plane that contains the y direction and touches the ball
+// touches its outline there.
+struct Window {
+  double middle = 0, half = 0;
 };
-Columns columns_around(double center_x, double center_z, double radius, double x0, double far_z) {
-  const double dx = center_x - x0;
-  const double axis = std::atan2(dx, center_z), half = std::asin(radius / std::hypot(dx, center_z));
-  return {x0 + far_z * std::tan(axis - half), x0 + far_z * std::tan(axis + half)};
+Window window_around(double axis_rad, double half_rad) {
+  const double middle = std::tan(axis_rad);
+  double half = 0;
+  for (const double edge_rad : {axis_rad - half_rad, axis_rad + half_rad})
+    half = std::max(half, std::abs(std::tan(std::clamp(edge_rad, -kWidestRad, kWidestRad)) - middle));
+  return {middle, half};
+}
+
+double angular_radius(double radius, double distance) {
+  return radius < distance ? std::asin(radius / distance) : std::numbers::pi / 2;
 }
 
 double lerp(double a, double b, double t) {
@@ -42,14 +50,9 @@ PairGap pair_gap(const glm::dvec3& a_m, const glm::dvec3& b_m, const Bound& boun
   const glm::dvec3 to_a = a_m - bound.center_m, to_b = b_m - bound.center_m, ab = b_m - a_m;
   const double da = glm::length(to_a), db = glm::length(to_b), length = glm::length(ab);
   if (da <= bound.radius_m || db <= bound.radius_m) return PairGap::kTargetInBound;
-  if (length <= 1e-9) return PairGap::kTooClose;
+  if (length <= kLeastParallax * std::max(da, db)) return PairGap::kTooClose;
   const double from_line = glm::length(glm::cross(to_a, ab)) / length;
-  if (from_line <= bound.radius_m) return PairGap::kOnLine;
-  const auto slant = [&](double distance) { return std::asin(std::min(1.0, from_line / distance)) - std::asin(bound.radius_m / distance); };
-  if (std::min(slant(da), slant(db)) < kLeastSlantRad) return PairGap::kOnLine;
-  const double between = std::atan2(glm::length(glm::cross(to_a, to_b)), glm::dot(to_a, to_b));
-  const double radii = std::asin(bound.radius_m / da) + std::asin(bound.radius_m / db);
-  return between > radii ? PairGap::kNone : PairGap::kTooClose;
+  return from_line < kLeastSlantRad * std::max(da, db) ? PairGap::kOnLine : PairGap::kNone;
 }
 
 PairVolume make_pair_volume(const glm::dvec3& a_m, const glm::dvec3& b_m, const Bound& bound,
@@ -66,10 +69,14 @@ PairVolume make_pair_volume(const glm::dvec3& a_m, const glm::dvec3& b_m, const 
   const glm::dvec3 z = across / center_z;
   v.world_from_volume = glm::dmat3(x, glm::cross(z, x), z);
   v.far_m = center_z + bound.radius_m;
-  v.y_top = v.far_m * std::tan(std::asin(bound.radius_m / center_z));
-  const Columns a = columns_around(center_x, center_z, bound.radius_m, 0.0, v.far_m);
-  const Columns b = columns_around(center_x, center_z, bound.radius_m, v.length_m, v.far_m);
-  v.xa_min = a.min, v.xa_max = a.max, v.xb_min = b.min, v.xb_max = b.max;
+  v.y_top = v.far_m * window_around(0.0, angular_radius(bound.radius_m, center_z)).half;
+  const auto columns = [&](double x0, double& min, double& max) {
+    const double dx = center_x - x0;
+    const Window window = window_around(std::atan2(dx, center_z), angular_radius(bound.radius_m, std::hypot(dx, center_z)));
+    min = x0 + v.far_m * (window.middle - window.half), max = x0 + v.far_m * (window.middle + window.half);
+  };
+  columns(0.0, v.xa_min, v.xa_max);
+  columns(v.length_m, v.xb_min, v.xb_max);
   return v;
 }
 
@@ -99,23 +106,29 @@ double row(const PairVolume& v, double texel_y) {
   return lerp(v.y_top, -v.y_top, texel_y / v.resolution);
 }
 
-void compose_pair(const PairVolume& volume, const DepthMap& map_a, const DepthMap& map_b, const Bound& bound,
-                  double relative_bias, CandidateSet& candidates) {
-  candidates.clear();
-  const glm::dvec2 at = map_a.view.jitter;
-  const double slack = 1.0 + relative_bias;
-  for (int y = 0; y < volume.resolution; ++y) {
-    for (int xb = 0; xb < volume.resolution; ++xb) {
-      for (int xa = 0; xa < volume.resolution; ++xa) {
-        const glm::dvec3 point = meet(volume, column_of_a(volume, xa + at.x), column_of_b(volume, xb + at.x),
-                                      row(volume, y + at.y));
-        if (!bound.contains(point)) continue;
-        const bool sees_a = glm::distance(point, map_a.view.eye_m) <= map_a.distance_at(xa, y) * slack;
-        const bool sees_b = glm::distance(point, map_b.view.eye_m) <= map_b.distance_at(xb, y) * slack;
-        candidates.add(point, (sees_a ? 1u : 0u) | (sees_b ? 2u : 0u));
-      }
-    }
-  }
+std::optional<glm::ivec3> nearest_texels(const PairVolume& v, const glm::dvec3& point_m, const glm::dvec2& jitter) {
+  // A point of the grid at the volume's edge may be outside by rounding.
+  constexpr double kSlackTexels = 1e-6;
+  const double z = glm::dot(point_m - v.a_m, v.world_from_volume[2]);
+  if (z <= 0 || z > v.far_m * (1 + 1e-9)) return std::nullopt;
+  const PairCoordinates at = pair_coordinates(v, point_m);
+  glm::ivec3 texels;
+  const auto take = [&](double x, double min, double max, double at_jitter, int& texel) {
+    const double continuous = (x - min) / (max - min) * v.resolution;
+    texel = nearest_ray(continuous, at_jitter, v.resolution);
+    return continuous >= -kSlackTexels && continuous <= v.resolution + kSlackTexels;
+  };
+  if (!take(at.xb, v.xb_min, v.xb_max, jitter.x, texels.x) || !take(at.y, v.y_top, -v.y_top, jitter.y, texels.y) ||
+      !take(at.xa, v.xa_min, v.xa_max, jitter.x, texels.z))
+    return std::nullopt;
+  texels.z = v.resolution - 1 - texels.z;
+  return texels;
+}
+
+size_t count_meetings(const PairVolume& volume, const Bound& bound, const glm::dvec2& jitter) {
+  size_t count = 0;
+  for_each_meeting(volume, bound, jitter, [&](const glm::ivec3&, const glm::dvec3&) { ++count; });
+  return count;
 }
 
 }  // namespace sightline

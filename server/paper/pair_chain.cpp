@@ -1,4 +1,4 @@
-#include "server/aggregate/pair_chain.h"
+#include "server/paper/pair_chain.h"
 
 #include <algorithm>
 #include <cassert>
@@ -20,26 +20,16 @@ std::optional<uint32_t> partner_of(std::span<const glm::dvec3> points_m, const B
   return std::nullopt;
 }
 
-// Compares every candidate with the map of the link's second target. A candidate at the edge of the bound may be outside the window by
-// rounding.
-void add_bits(const ChainLink& link, const DepthMap& map, double slack, CandidateSet& candidates) {
-  const MapView& view = map.view;
-  for (size_t i = 0; i < candidates.size(); ++i) {
-    const MapPoint at = project(view, candidates.position_m[i]);
-    const int x = nearest_ray(at.x, view.jitter.x, view.width), y = nearest_ray(at.y, view.jitter.y, view.height);
-    if (at.depth_m <= map.depth_at(x, y) * slack) candidates.visible_targets[i] |= 1u << link.to;
-  }
-}
-
-// Moves bit 1, which compose_pair sets for B, to bit `to`.
-void move_second_bit(uint32_t to, std::vector<uint32_t>& masks) {
-  for (uint32_t& mask : masks) mask = (mask & 1u) | (mask >> 1 & 1u) << to;
+// Whether a target of the chain is seen from a point by the ray that passes nearest to it; empty if the point is outside the volume.
+std::optional<bool> sees(const ChainLink& link, const DepthMap& map, double slack, const glm::dvec3& point_m) {
+  const auto near = nearest_texels(link.volume, point_m, map.view.jitter);
+  if (!near) return std::nullopt;
+  return project(map.view, point_m).depth_m <= map.depth_at(near->x, near->y) * slack;
 }
 
 }  // namespace
 
-PairGap make_pair_chain(std::span<const glm::dvec3> points_m, const Bound& bound, int resolution,
-                        PairChain& chain) {
+PairGap make_pair_chain(std::span<const glm::dvec3> points_m, const Bound& bound, int resolution, const glm::dvec2& jitter, PairChain& chain) {
   const auto count = static_cast<uint32_t>(points_m.size());
   assert(count >= 2 && count <= 32);
   chain.links.clear();
@@ -58,7 +48,7 @@ PairGap make_pair_chain(std::span<const glm::dvec3> points_m, const Bound& bound
   }
   for (uint32_t i = 1; i < count; ++i)
     if (!(joined >> i & 1u)) return pair_gap(points_m[i - 1], points_m[i], bound);
-  return PairGap::kNone;
+  return count_meetings(chain.links.front().volume, bound, jitter) > 0 ? PairGap::kNone : PairGap::kTooClose;
 }
 
 MapView chain_view(const PairChain& chain, uint32_t target, const glm::dvec2& jitter) {
@@ -70,12 +60,24 @@ MapView chain_view(const PairChain& chain, uint32_t target, const glm::dvec2& ji
 }
 
 void compose_chain(const PairChain& chain, std::span<const DepthMap> maps, const Bound& bound,
-                   double relative_bias, CandidateSet& candidates) {
+                   double relative_bias, CandidateSet& candidates, std::vector<glm::ivec3>& texels) {
+  candidates.clear();
+  texels.clear();
   const ChainLink& first = chain.links.front();
-  compose_pair(first.volume, maps[first.from], maps[first.to], bound, relative_bias, candidates);
-  if (first.to != 1) move_second_bit(first.to, candidates.visible_targets);
-  for (const ChainLink& link : std::span(chain.links).subspan(1))
-    add_bits(link, maps[link.to], 1.0 + relative_bias, candidates);
+  const DepthMap &map_a = maps[first.from], &map_b = maps[first.to];
+  const double slack = 1.0 + relative_bias;
+  for_each_meeting(first.volume, bound, map_a.view.jitter, [&](const glm::ivec3& uvw, const glm::dvec3& point_m) {
+    const bool sees_a = glm::distance(point_m, map_a.view.eye_m) <= map_a.distance_at(first.volume.resolution - 1 - uvw.z, uvw.y) * slack;
+    const bool sees_b = glm::distance(point_m, map_b.view.eye_m) <= map_b.distance_at(uvw.x, uvw.y) * slack;
+    uint32_t visible = (sees_a ? 1u << first.from : 0u) | (sees_b ? 1u << first.to : 0u);
+    for (const ChainLink& link : std::span(chain.links).subspan(1)) {
+      const std::optional<bool> seen = sees(link, maps[link.to], slack, point_m);
+      if (!seen) return;
+      if (*seen) visible |= 1u << link.to;
+    }
+    candidates.add(point_m, visible);
+    texels.push_back(uvw);
+  });
 }
 
 }  // namespace sightline
