@@ -47,7 +47,7 @@ class Files(unittest.TestCase):
                 before = processor_s(daemon)
                 upload(daemon.address, empty_objects(size))
                 return processor_s(daemon) - before
-            # Linear: 30 times the length takes 30 times as long. With the square it would be 900 times: 26 minutes instead of some seconds.
+            # Linear: 27 times the length takes 27 times as long. With the square it would be 700 times: 20 minutes instead of some seconds.
             self.assertLess(spent(8_000_000), 20 + 100 * spent(300_000))
             self.assertTrue(upload(daemon.address, honest_nodes(100_000)).hash)
 
