@@ -188,7 +188,7 @@ ATTACKS = [
            options=unix_socket_too, beside_is_another_client=True),
     Attack("23b", "uploads of 9 MB of `{}`", "26 min of a core each; SIGTERM hangs", empty_json(9_000_000), options=unix_socket_too,
            beside_is_another_client=True),
-    Attack("23c", "100,000 honest nodes", "2.2 s", many_nodes),
+    Attack("23c", "100,000 honest nodes", "2.2 s", many_nodes, stays_mib=100_000 * 300 / (1 << 20)),  # 300 bytes an instance
     Attack("32", "a daemon that is stopped again and again", "ticks refused by --max-maps-ms", stops, flags=("--max-step-cost-ms", "0"),
            options=unix_socket_too, beside_is_another_client=True),
 ]
