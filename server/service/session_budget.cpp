@@ -67,19 +67,34 @@ Status InstanceShare::change(size_t bytes, const char* field) {
               "the sessions of this client have no memory left for these instances, shapes and targets (--client-memory-mib)");
 }
 
-size_t session_state_bytes(const StepSettings& settings, size_t targets) {
-  const auto candidates = static_cast<size_t>(std::max(settings.aggregate.candidates, 0));
-  const auto points = static_cast<size_t>(std::max(settings.sample.points, 1)), side = static_cast<size_t>(settings.sample.resolution);
-  // The temporal volume over pair volumes keeps the depths of the last maps (PairHistory).
+namespace {
+
+// A pair volume has at most r^3: one for each column of either map and each row.
+size_t most_candidates(const StepSettings& settings) {
+  const auto of_lattice = static_cast<size_t>(std::max(settings.aggregate.candidates, 0)), side = static_cast<size_t>(settings.sample.resolution);
+  return settings.aggregate.volume == Volume::kPair ? std::max(of_lattice, side * side * side) : of_lattice;
+}
+
+// The temporal volume over pair volumes looks each candidate up in the maps of the last steps.
+size_t steps_looked_up(const StepSettings& settings) {
   const bool keeps_maps = settings.aggregate.volume == Volume::kPair && settings.aggregate.filter.mode == FilterMode::kJoint;
-  const size_t kept = keeps_maps ? static_cast<size_t>(std::max(settings.aggregate.filter.n, 1)) * side * side * sizeof(double) : 0;
+  return keeps_maps ? static_cast<size_t>(std::max(settings.aggregate.filter.n, 1)) : 1;
+}
+
+}  // namespace
+
+size_t session_state_bytes(const StepSettings& settings, size_t targets) {
+  const size_t candidates = most_candidates(settings);
+  const auto points = static_cast<size_t>(std::max(settings.sample.points, 1)), side = static_cast<size_t>(settings.sample.resolution);
+  // The depths of the last maps (PairHistory).
+  const size_t steps = steps_looked_up(settings), kept = steps > 1 ? steps * side * side * sizeof(double) : 0;
   return kBytesOfSession + targets * (candidates * kBytesOfCandidate + points * side * side * kBytesOfTexel + kept);
 }
 
 double step_cost_ms(const StepSettings& settings, size_t targets, size_t parts) {
   const double points = std::max(settings.sample.points, 1);
   const double texels = static_cast<double>(settings.sample.resolution) * settings.sample.resolution;
-  const double of_point_ms = texels * kMsOfRay + settings.aggregate.candidates * kMsOfLookup;
+  const double of_point_ms = texels * kMsOfRay + static_cast<double>(most_candidates(settings) * steps_looked_up(settings)) * kMsOfLookup;
   return points * (static_cast<double>(targets) * of_point_ms + static_cast<double>(parts) * kMsOfPart);
 }
 

@@ -373,9 +373,11 @@ struct StateFields {
     const size_t targets = frame.target_ids.size();
     const int side = frame.links.empty() ? 0 : frame.links.front().volume.resolution;
     const auto joins = [&](const ChainLink& link) {
-      return link.from < targets && link.to < targets && link.volume.resolution == side && link.volume.length_m > 0 && link.volume.far_m > 0;
+      return link.from < targets && link.to < targets && link.volume.resolution == side && link.volume.length_m > 0 && link.volume.far_m > 0 &&
+             link.volume.xa_min < link.volume.xa_max && link.volume.xb_min < link.volume.xb_max && link.volume.y_top > 0;
     };
-    return targets <= kMaxTargets && side >= 0 && side <= kMaxMapSize && std::all_of(frame.links.begin(), frame.links.end(), joins) &&
+    const bool chained = frame.links.empty() || frame.links.size() == targets - 1;
+    return targets <= kMaxTargets && chained && side >= 0 && side <= kMaxMapSize && std::all_of(frame.links.begin(), frame.links.end(), joins) &&
            (frame.links.empty() || (side > 0 && frame.depth_m.size() == targets * static_cast<size_t>(side * side)));
   }
   static bool possible(const PairHistory& history) {

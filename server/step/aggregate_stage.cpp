@@ -172,10 +172,11 @@ void Aggregation::filter_pairs() {
 void Aggregation::filter() {
   // The histories count steps only while a filter is on, so old entries must not pass for recent ones when it is
   // switched on again.
-  if (!filters()) memory_.volume = {}, memory_.pairs.clear();
+  if (!filters()) memory_.volume = {};
+  if (settings_.filter.mode != FilterMode::kJoint || !plan_.pair.asked) memory_.pairs.clear();
   if (filters() && !sights_.on_lattice) return filter_pairs();
   if (!filters() || step_.move_s <= 0) return;
-  if (settings_.filter.mode == FilterMode::kJoint && plan_.pair.asked) memory_.pairs.push_none(settings_.filter.n);
+  if (settings_.filter.mode == FilterMode::kJoint && plan_.pair.asked) memory_.pairs.push_none(settings_.filter.n);  // it took none
   const size_t cells = memory_.lattice.size(), others = candidates_.size() - cells;
   TemporalVolume& volume = memory_.volume;
   volume.begin_step(memory_.lattice, 2, step_.targets.ids, settings_.filter, step_.move_s);
@@ -266,6 +267,7 @@ void aggregate(const AggregateInput& in, CandidateMemory& memory, AggregateScrat
   const StepContext& step = in.step;
   if (step.input.targets.empty()) {
     memory.ahead.restart();
+    memory.pairs.clear();
     return count_sights(sights.candidates, 0, 0, sights.counts);
   }
   Aggregation aggregation(in, memory, scratch, sights);

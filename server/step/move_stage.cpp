@@ -48,6 +48,9 @@ void set_robust_costs(const MoveInput& in, MoveScratch& s) {
   const Neighbours neighbours = in.sights.on_lattice ? Neighbours::kFaces : Neighbours::kTouching;
   find_groups(s.cells, neighbours, position_m, s.members, in.desired_m, s.group_scratch, s.groups);
   if (in.step.input.settings.move.robust_goal == RobustGoal::kCenter) return center_costs(position_m, in.desired_m, s.groups, s.cost);
+  // A place outside a pair volume has no cell that is near any other, so nothing is measured from it.
+  if (!in.sights.on_lattice)
+    for (size_t i = 0; i < s.members.size(); ++i) s.members[i] |= s.cells[i].x < 0;
   measure_edge_distances(s.cells, s.members, s.edge_distance_scratch, s.edge_distance_squared);
   robust_costs(position_m, in.desired_m, s.groups, s.edge_distance_squared, s.cost);
 }
@@ -57,7 +60,9 @@ void aim_at_center(const MoveInput& in, const MoveScratch& s, const Reachable& r
   if (in.step.input.settings.move.robust_goal != RobustGoal::kCenter || choice.candidate < 0) return;
   if (s.groups.largest == kNoGroup || s.groups.group_of[static_cast<size_t>(choice.candidate)] != s.groups.largest) return;
   const glm::dvec3 center_m = center_of_largest_m(in.sights.position_m, s.groups);
-  if (reachable(center_m)) choice.place_m = center_m;
+  if (!reachable(center_m) || !within_limits(center_m, in.step.targets.tracked_targets, in.step.input.settings.move)) return;
+  choice.place_m = center_m;
+  if (choice.reason == MoveReason::kAtDesiredPlace) choice.reason = MoveReason::kNearestAllVisible;
 }
 
 // Strategies kBasic and kRobust.

@@ -68,10 +68,26 @@ TEST(SessionState, GrowsWithTargetsCandidatesAndTexels) {
   EXPECT_GT(session_state_bytes(settings, 2), two + of_target);
   settings.sample.resolution = 64;
   EXPECT_GT(session_state_bytes(settings, 2), two + of_target + (size_t{1} << 20));
-  // The maps of the last steps, of which pair volumes keep the depths.
+  // Pair volumes have up to r^3 candidates, and keep the depths of the last steps' maps.
+  const size_t of_lattice = session_state_bytes(settings, 2);
+  settings.aggregate.volume = Volume::kPair;
   const size_t without = session_state_bytes(settings, 2);
-  settings.aggregate.volume = Volume::kPair, settings.aggregate.filter.mode = FilterMode::kJoint, settings.aggregate.filter.n = 64;
+  EXPECT_GT(without, of_lattice + (size_t{64} << 20));
+  settings.aggregate.filter.mode = FilterMode::kJoint, settings.aggregate.filter.n = 64;
   EXPECT_EQ(session_state_bytes(settings, 2), without + 64 * 2 * 64 * 64 * sizeof(double));
+}
+
+TEST(StepCost, LookUpsOfPairVolumesInTheLastStepsCount) {
+  StepSettings settings;
+  settings.sample.points = 1, settings.sample.resolution = 64, settings.aggregate.candidates = 27;
+  settings.aggregate.volume = Volume::kPair;
+  settings.aggregate.filter.mode = FilterMode::kNone;
+  const double of_one = step_cost_ms(settings, 32, 0);
+  settings.aggregate.filter.mode = FilterMode::kJoint, settings.aggregate.filter.n = 64;
+  EXPECT_GT(step_cost_ms(settings, 32, 0), 30 * of_one);
+  EXPECT_GT(step_cost_ms(settings, 32, 0), 1000);
+  settings = preset_settings(Preset::kPaper);
+  EXPECT_LT(step_cost_ms(settings, 2, 0), 5) << "the preset itself";
 }
 
 TEST_F(InstanceShareTest, InstancesAndShapesCountTogether) {

@@ -323,7 +323,7 @@ func (VolumeUsed) EnumDescriptor() ([]byte, []int) {
 	return file_sightline_v1_diagnostics_proto_rawDescGZIP(), []int{3}
 }
 
-// Why the lattice was used although pair volumes were asked for. With three or more targets: why one of them has no complete
+// Why the lattice was used although pair volumes were asked for. With three or more targets: why one of them has no
 // pair volume with any target of the chain.
 type PairFallback int32
 
@@ -334,10 +334,12 @@ const (
 	PairFallback_PAIR_FALLBACK_NEEDS_TWO_TARGETS PairFallback = 1
 	// A target is inside the reachable volume.
 	PairFallback_PAIR_FALLBACK_TARGET_IN_BOUND PairFallback = 2
-	// The reachable volume touches the line through two targets: an over-the-shoulder shot, or a camera between the targets.
+	// The middle of the reachable volume is on the line through two targets.
 	PairFallback_PAIR_FALLBACK_ON_LINE PairFallback = 3
-	// Two targets are too close together for this volume: their rays do not all meet.
+	// Two targets are so close together that no two of their rays meet in the reachable volume.
 	PairFallback_PAIR_FALLBACK_TOO_CLOSE PairFallback = 4
+	// The strategy MIN_COST and the filter PER_TARGET need candidates that keep their places.
+	PairFallback_PAIR_FALLBACK_NEEDS_LATTICE PairFallback = 5
 )
 
 // Enum value maps for PairFallback.
@@ -348,6 +350,7 @@ var (
 		2: "PAIR_FALLBACK_TARGET_IN_BOUND",
 		3: "PAIR_FALLBACK_ON_LINE",
 		4: "PAIR_FALLBACK_TOO_CLOSE",
+		5: "PAIR_FALLBACK_NEEDS_LATTICE",
 	}
 	PairFallback_value = map[string]int32{
 		"PAIR_FALLBACK_UNSPECIFIED":       0,
@@ -355,6 +358,7 @@ var (
 		"PAIR_FALLBACK_TARGET_IN_BOUND":   2,
 		"PAIR_FALLBACK_ON_LINE":           3,
 		"PAIR_FALLBACK_TOO_CLOSE":         4,
+		"PAIR_FALLBACK_NEEDS_LATTICE":     5,
 	}
 )
 
@@ -1439,13 +1443,14 @@ const file_sightline_v1_diagnostics_proto_rawDesc = "" +
 	"VolumeUsed\x12\x1b\n" +
 	"\x17VOLUME_USED_UNSPECIFIED\x10\x00\x12\x17\n" +
 	"\x13VOLUME_USED_LATTICE\x10\x01\x12\x14\n" +
-	"\x10VOLUME_USED_PAIR\x10\x02*\xad\x01\n" +
+	"\x10VOLUME_USED_PAIR\x10\x02*\xce\x01\n" +
 	"\fPairFallback\x12\x1d\n" +
 	"\x19PAIR_FALLBACK_UNSPECIFIED\x10\x00\x12#\n" +
 	"\x1fPAIR_FALLBACK_NEEDS_TWO_TARGETS\x10\x01\x12!\n" +
 	"\x1dPAIR_FALLBACK_TARGET_IN_BOUND\x10\x02\x12\x19\n" +
 	"\x15PAIR_FALLBACK_ON_LINE\x10\x03\x12\x1b\n" +
-	"\x17PAIR_FALLBACK_TOO_CLOSE\x10\x04BN\n" +
+	"\x17PAIR_FALLBACK_TOO_CLOSE\x10\x04\x12\x1f\n" +
+	"\x1bPAIR_FALLBACK_NEEDS_LATTICE\x10\x05BN\n" +
 	"\x10com.sightline.v1P\x01Z)sightline.dev/go/sightline/v1;sightlinev1\xaa\x02\fSightline.V1b\x06proto3"
 
 var (

@@ -38,7 +38,8 @@ const (
 	Settings_PRESET_UNSPECIFIED Settings_Preset = 0
 	// The values that did best over all measured scenes.
 	Settings_PRESET_SIGHTLINE Settings_Preset = 1
-	// The method as printed, in the configuration that the paper found best.
+	// The method as printed, in the configuration that the paper found best. What the goal should be nearest to the paper leaves open: here it is the
+	// shot's own place, as with FOLLOW_OFFSET.
 	Settings_PRESET_PAPER Settings_Preset = 2
 )
 
@@ -91,7 +92,7 @@ const (
 	Settings_FOLLOW_UNSPECIFIED Settings_Follow = 0
 	// Its position relative to the targets, as it was at the start or after the last observed cut.
 	Settings_FOLLOW_OFFSET Settings_Follow = 1
-	// Its position in the world (the method as printed).
+	// Its position in the world: it moves only to see better.
 	Settings_FOLLOW_STAY Settings_Follow = 2
 )
 

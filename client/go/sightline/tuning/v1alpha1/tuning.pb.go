@@ -90,8 +90,8 @@ const (
 	Volume_VOLUME_UNSPECIFIED Volume = 0
 	// A cubic lattice that is fixed in the world, for any number of targets.
 	Volume_VOLUME_LATTICE Volume = 1
-	// The pair volumes of two targets, chained for more. If they are incomplete, the lattice is used instead, and the reply gives
-	// the reason.
+	// The pair volumes of two targets, chained for more (paper 3.3): the points in the ball where the rays of two maps meet. If none meet, or the strategy or the
+	// filter needs candidates that keep their places, the lattice is used instead, and the reply gives the reason.
 	Volume_VOLUME_PAIR Volume = 2
 )
 
@@ -201,7 +201,7 @@ const (
 	Strategy_STRATEGY_UNSPECIFIED Strategy = 0
 	// The nearest candidate that sees all targets (paper 3.4).
 	Strategy_STRATEGY_BASIC Strategy = 1
-	// The centre of the largest group of candidates that see all targets (paper 6.1, RobustMove).
+	// The middle of the largest group of candidates that see all targets (paper 6.1, RobustMove); RobustGoal says which middle.
 	Strategy_STRATEGY_ROBUST Strategy = 2
 	// The candidate with the least cost. CostWeights lists the parts of the cost.
 	Strategy_STRATEGY_MIN_COST Strategy = 3
@@ -248,6 +248,59 @@ func (x Strategy) Number() protoreflect.EnumNumber {
 // Deprecated: Use Strategy.Descriptor instead.
 func (Strategy) EnumDescriptor() ([]byte, []int) {
 	return file_sightline_tuning_v1alpha1_tuning_proto_rawDescGZIP(), []int{3}
+}
+
+// What the strategy ROBUST takes for the middle of a group.
+type RobustGoal int32
+
+const (
+	// Not sent.
+	RobustGoal_ROBUST_GOAL_UNSPECIFIED RobustGoal = 0
+	// The member that is farthest from every hidden candidate; of equal ones the one nearest to the desired position.
+	RobustGoal_ROBUST_GOAL_DEEPEST_MEMBER RobustGoal = 1
+	// The mean of the members' positions, as printed. It can itself be hidden.
+	RobustGoal_ROBUST_GOAL_CENTER RobustGoal = 2
+)
+
+// Enum value maps for RobustGoal.
+var (
+	RobustGoal_name = map[int32]string{
+		0: "ROBUST_GOAL_UNSPECIFIED",
+		1: "ROBUST_GOAL_DEEPEST_MEMBER",
+		2: "ROBUST_GOAL_CENTER",
+	}
+	RobustGoal_value = map[string]int32{
+		"ROBUST_GOAL_UNSPECIFIED":    0,
+		"ROBUST_GOAL_DEEPEST_MEMBER": 1,
+		"ROBUST_GOAL_CENTER":         2,
+	}
+)
+
+func (x RobustGoal) Enum() *RobustGoal {
+	p := new(RobustGoal)
+	*p = x
+	return p
+}
+
+func (x RobustGoal) String() string {
+	return protoimpl.X.EnumStringOf(x.Descriptor(), protoreflect.EnumNumber(x))
+}
+
+func (RobustGoal) Descriptor() protoreflect.EnumDescriptor {
+	return file_sightline_tuning_v1alpha1_tuning_proto_enumTypes[4].Descriptor()
+}
+
+func (RobustGoal) Type() protoreflect.EnumType {
+	return &file_sightline_tuning_v1alpha1_tuning_proto_enumTypes[4]
+}
+
+func (x RobustGoal) Number() protoreflect.EnumNumber {
+	return protoreflect.EnumNumber(x)
+}
+
+// Deprecated: Use RobustGoal.Descriptor instead.
+func (RobustGoal) EnumDescriptor() ([]byte, []int) {
+	return file_sightline_tuning_v1alpha1_tuning_proto_rawDescGZIP(), []int{4}
 }
 
 // All tuning of a session, by the stage of the step that uses it.
@@ -417,7 +470,10 @@ type SampleSettings struct {
 	// the strategy MIN_COST every second one costs a map.
 	Points *uint32 `protobuf:"varint,2,opt,name=points,proto3,oneof" json:"points,omitempty"`
 	// Moves the sample within its texel from step to step, so that thin occluders are found.
-	Jitter        *bool `protobuf:"varint,3,opt,name=jitter,proto3,oneof" json:"jitter,omitempty"`
+	Jitter *bool `protobuf:"varint,3,opt,name=jitter,proto3,oneof" json:"jitter,omitempty"`
+	// Samples that are wanted in each cubic metre of the ball of candidates (paper 3.2). Maps then have the cube root of the samples in the ball as their
+	// resolution, at least 2 and at most the field `resolution`. 0: off.
+	DensityPerM3  *float64 `protobuf:"fixed64,4,opt,name=density_per_m3,json=densityPerM3,proto3,oneof" json:"density_per_m3,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -471,6 +527,13 @@ func (x *SampleSettings) GetJitter() bool {
 		return *x.Jitter
 	}
 	return false
+}
+
+func (x *SampleSettings) GetDensityPerM3() float64 {
+	if x != nil && x.DensityPerM3 != nil {
+		return *x.DensityPerM3
+	}
+	return 0
 }
 
 // The candidates, and how visibility is composed over them.
@@ -674,7 +737,9 @@ type MoveSettings struct {
 	// 0.5: the present motion of the targets hardly counts. MIN_COST only.
 	TurnProbability *float64 `protobuf:"fixed64,5,opt,name=turn_probability,json=turnProbability,proto3,oneof" json:"turn_probability,omitempty"`
 	// The angle by which a turning target is expected to turn. MIN_COST only.
-	TurnRad       *float64 `protobuf:"fixed64,6,opt,name=turn_rad,json=turnRad,proto3,oneof" json:"turn_rad,omitempty"`
+	TurnRad *float64 `protobuf:"fixed64,6,opt,name=turn_rad,json=turnRad,proto3,oneof" json:"turn_rad,omitempty"`
+	// What the strategy ROBUST takes for the middle of a group.
+	RobustGoal    RobustGoal `protobuf:"varint,7,opt,name=robust_goal,json=robustGoal,proto3,enum=sightline.tuning.v1alpha1.RobustGoal" json:"robust_goal,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -749,6 +814,13 @@ func (x *MoveSettings) GetTurnRad() float64 {
 		return *x.TurnRad
 	}
 	return 0
+}
+
+func (x *MoveSettings) GetRobustGoal() RobustGoal {
+	if x != nil {
+		return x.RobustGoal
+	}
+	return RobustGoal_ROBUST_GOAL_UNSPECIFIED
 }
 
 // The weights of the strategy MIN_COST. Costs are in metres of camera path. At least one of occlusion, distance
@@ -1056,7 +1128,7 @@ const file_sightline_tuning_v1alpha1_tuning_proto_rawDesc = "" +
 	"\x0e_max_horizon_sB\x11\n" +
 	"\x0f_target_reach_mB\n" +
 	"\n" +
-	"\b_paper_n\"\xde\x01\n" +
+	"\b_paper_n\"\xbe\x02\n" +
 	"\x0eSampleSettings\x12=\n" +
 	"\n" +
 	"resolution\x18\x01 \x01(\rB\x18\xca\xf3\x18\x14\n" +
@@ -1064,10 +1136,13 @@ const file_sightline_tuning_v1alpha1_tuning_proto_rawDesc = "" +
 	"resolution\x88\x01\x01\x128\n" +
 	"\x06points\x18\x02 \x01(\rB\x1b\xca\xf3\x18\x17\n" +
 	"\a[0, 16]\x12\x018\x1a\x011\"\x06pointsH\x01R\x06points\x88\x01\x01\x12.\n" +
-	"\x06jitter\x18\x03 \x01(\bB\x11\xca\xf3\x18\r\x12\x04true\x1a\x05falseH\x02R\x06jitter\x88\x01\x01B\r\n" +
+	"\x06jitter\x18\x03 \x01(\bB\x11\xca\xf3\x18\r\x12\x04true\x1a\x05falseH\x02R\x06jitter\x88\x01\x01\x12K\n" +
+	"\x0edensity_per_m3\x18\x04 \x01(\x01B \xca\xf3\x18\x1c\n" +
+	"\x100 or [1e-6, 1e6]\x12\x010\"\x051/m³H\x03R\fdensityPerM3\x88\x01\x01B\r\n" +
 	"\v_resolutionB\t\n" +
 	"\a_pointsB\t\n" +
-	"\a_jitter\"\xd5\x03\n" +
+	"\a_jitterB\x11\n" +
+	"\x0f_density_per_m3\"\xd5\x03\n" +
 	"\x11AggregateSettings\x12N\n" +
 	"\x06volume\x18\x01 \x01(\x0e2!.sightline.tuning.v1alpha1.VolumeB\x13\xca\xf3\x18\x0f\x12\aLATTICE\x1a\x04PAIRR\x06volume\x12H\n" +
 	"\n" +
@@ -1102,7 +1177,7 @@ const file_sightline_tuning_v1alpha1_tuning_proto_rawDesc = "" +
 	"\t_window_sB\x14\n" +
 	"\x12_visible_thresholdB\x13\n" +
 	"\x11_hidden_thresholdB\t\n" +
-	"\a_hold_s\"\x89\x04\n" +
+	"\a_hold_s\"\xe7\x04\n" +
 	"\fMoveSettings\x12W\n" +
 	"\bstrategy\x18\x01 \x01(\x0e2#.sightline.tuning.v1alpha1.StrategyB\x16\xca\xf3\x18\x12\x12\bMIN_COST\x1a\x06ROBUSTR\bstrategy\x12:\n" +
 	"\x04cost\x18\x02 \x01(\v2&.sightline.tuning.v1alpha1.CostWeightsR\x04cost\x12]\n" +
@@ -1111,7 +1186,9 @@ const file_sightline_tuning_v1alpha1_tuning_proto_rawDesc = "" +
 	"\x10turn_probability\x18\x05 \x01(\x01B+\xca\xf3\x18'\n" +
 	"\x100 or [1e-6, 0.5]\x12\x030.2\x1a\x010\"\vprobabilityH\x00R\x0fturnProbability\x88\x01\x01\x12:\n" +
 	"\bturn_rad\x18\x06 \x01(\x01B\x1a\xca\xf3\x18\x16\n" +
-	"\x110 or [1e-6, pi/2]\x12\x011H\x01R\aturnRad\x88\x01\x01B\x13\n" +
+	"\x110 or [1e-6, pi/2]\x12\x011H\x01R\aturnRad\x88\x01\x01\x12\\\n" +
+	"\vrobust_goal\x18\a \x01(\x0e2%.sightline.tuning.v1alpha1.RobustGoalB\x14\xca\xf3\x18\x10\x12\x0eDEEPEST_MEMBERR\n" +
+	"robustGoalB\x13\n" +
 	"\x11_turn_probabilityB\v\n" +
 	"\t_turn_rad\"\xb7\x04\n" +
 	"\vCostWeights\x12A\n" +
@@ -1196,7 +1273,12 @@ const file_sightline_tuning_v1alpha1_tuning_proto_rawDesc = "" +
 	"\x14STRATEGY_UNSPECIFIED\x10\x00\x12\x12\n" +
 	"\x0eSTRATEGY_BASIC\x10\x01\x12\x13\n" +
 	"\x0fSTRATEGY_ROBUST\x10\x02\x12\x15\n" +
-	"\x11STRATEGY_MIN_COST\x10\x03Bx\n" +
+	"\x11STRATEGY_MIN_COST\x10\x03*a\n" +
+	"\n" +
+	"RobustGoal\x12\x1b\n" +
+	"\x17ROBUST_GOAL_UNSPECIFIED\x10\x00\x12\x1e\n" +
+	"\x1aROBUST_GOAL_DEEPEST_MEMBER\x10\x01\x12\x16\n" +
+	"\x12ROBUST_GOAL_CENTER\x10\x02Bx\n" +
 	"\x1dcom.sightline.tuning.v1alpha1P\x01Z9sightline.dev/go/sightline/tuning/v1alpha1;tuningv1alpha1\xaa\x02\x19Sightline.Tuning.V1Alpha1b\x06proto3"
 
 var (
@@ -1211,41 +1293,43 @@ func file_sightline_tuning_v1alpha1_tuning_proto_rawDescGZIP() []byte {
 	return file_sightline_tuning_v1alpha1_tuning_proto_rawDescData
 }
 
-var file_sightline_tuning_v1alpha1_tuning_proto_enumTypes = make([]protoimpl.EnumInfo, 4)
+var file_sightline_tuning_v1alpha1_tuning_proto_enumTypes = make([]protoimpl.EnumInfo, 5)
 var file_sightline_tuning_v1alpha1_tuning_proto_msgTypes = make([]protoimpl.MessageInfo, 9)
 var file_sightline_tuning_v1alpha1_tuning_proto_goTypes = []any{
 	(BoundMode)(0),                  // 0: sightline.tuning.v1alpha1.BoundMode
 	(Volume)(0),                     // 1: sightline.tuning.v1alpha1.Volume
 	(FilterMode)(0),                 // 2: sightline.tuning.v1alpha1.FilterMode
 	(Strategy)(0),                   // 3: sightline.tuning.v1alpha1.Strategy
-	(*Tuning)(nil),                  // 4: sightline.tuning.v1alpha1.Tuning
-	(*BoundSettings)(nil),           // 5: sightline.tuning.v1alpha1.BoundSettings
-	(*SampleSettings)(nil),          // 6: sightline.tuning.v1alpha1.SampleSettings
-	(*AggregateSettings)(nil),       // 7: sightline.tuning.v1alpha1.AggregateSettings
-	(*FilterSettings)(nil),          // 8: sightline.tuning.v1alpha1.FilterSettings
-	(*MoveSettings)(nil),            // 9: sightline.tuning.v1alpha1.MoveSettings
-	(*CostWeights)(nil),             // 10: sightline.tuning.v1alpha1.CostWeights
-	(*ViewpointSearchSettings)(nil), // 11: sightline.tuning.v1alpha1.ViewpointSearchSettings
-	(*CoherenceSettings)(nil),       // 12: sightline.tuning.v1alpha1.CoherenceSettings
+	(RobustGoal)(0),                 // 4: sightline.tuning.v1alpha1.RobustGoal
+	(*Tuning)(nil),                  // 5: sightline.tuning.v1alpha1.Tuning
+	(*BoundSettings)(nil),           // 6: sightline.tuning.v1alpha1.BoundSettings
+	(*SampleSettings)(nil),          // 7: sightline.tuning.v1alpha1.SampleSettings
+	(*AggregateSettings)(nil),       // 8: sightline.tuning.v1alpha1.AggregateSettings
+	(*FilterSettings)(nil),          // 9: sightline.tuning.v1alpha1.FilterSettings
+	(*MoveSettings)(nil),            // 10: sightline.tuning.v1alpha1.MoveSettings
+	(*CostWeights)(nil),             // 11: sightline.tuning.v1alpha1.CostWeights
+	(*ViewpointSearchSettings)(nil), // 12: sightline.tuning.v1alpha1.ViewpointSearchSettings
+	(*CoherenceSettings)(nil),       // 13: sightline.tuning.v1alpha1.CoherenceSettings
 }
 var file_sightline_tuning_v1alpha1_tuning_proto_depIdxs = []int32{
-	5,  // 0: sightline.tuning.v1alpha1.Tuning.bound:type_name -> sightline.tuning.v1alpha1.BoundSettings
-	6,  // 1: sightline.tuning.v1alpha1.Tuning.sample:type_name -> sightline.tuning.v1alpha1.SampleSettings
-	7,  // 2: sightline.tuning.v1alpha1.Tuning.aggregate:type_name -> sightline.tuning.v1alpha1.AggregateSettings
-	9,  // 3: sightline.tuning.v1alpha1.Tuning.move:type_name -> sightline.tuning.v1alpha1.MoveSettings
+	6,  // 0: sightline.tuning.v1alpha1.Tuning.bound:type_name -> sightline.tuning.v1alpha1.BoundSettings
+	7,  // 1: sightline.tuning.v1alpha1.Tuning.sample:type_name -> sightline.tuning.v1alpha1.SampleSettings
+	8,  // 2: sightline.tuning.v1alpha1.Tuning.aggregate:type_name -> sightline.tuning.v1alpha1.AggregateSettings
+	10, // 3: sightline.tuning.v1alpha1.Tuning.move:type_name -> sightline.tuning.v1alpha1.MoveSettings
 	0,  // 4: sightline.tuning.v1alpha1.BoundSettings.mode:type_name -> sightline.tuning.v1alpha1.BoundMode
 	1,  // 5: sightline.tuning.v1alpha1.AggregateSettings.volume:type_name -> sightline.tuning.v1alpha1.Volume
-	8,  // 6: sightline.tuning.v1alpha1.AggregateSettings.filter:type_name -> sightline.tuning.v1alpha1.FilterSettings
+	9,  // 6: sightline.tuning.v1alpha1.AggregateSettings.filter:type_name -> sightline.tuning.v1alpha1.FilterSettings
 	2,  // 7: sightline.tuning.v1alpha1.FilterSettings.mode:type_name -> sightline.tuning.v1alpha1.FilterMode
 	3,  // 8: sightline.tuning.v1alpha1.MoveSettings.strategy:type_name -> sightline.tuning.v1alpha1.Strategy
-	10, // 9: sightline.tuning.v1alpha1.MoveSettings.cost:type_name -> sightline.tuning.v1alpha1.CostWeights
-	11, // 10: sightline.tuning.v1alpha1.MoveSettings.viewpoint_search:type_name -> sightline.tuning.v1alpha1.ViewpointSearchSettings
-	12, // 11: sightline.tuning.v1alpha1.MoveSettings.coherence:type_name -> sightline.tuning.v1alpha1.CoherenceSettings
-	12, // [12:12] is the sub-list for method output_type
-	12, // [12:12] is the sub-list for method input_type
-	12, // [12:12] is the sub-list for extension type_name
-	12, // [12:12] is the sub-list for extension extendee
-	0,  // [0:12] is the sub-list for field type_name
+	11, // 9: sightline.tuning.v1alpha1.MoveSettings.cost:type_name -> sightline.tuning.v1alpha1.CostWeights
+	12, // 10: sightline.tuning.v1alpha1.MoveSettings.viewpoint_search:type_name -> sightline.tuning.v1alpha1.ViewpointSearchSettings
+	13, // 11: sightline.tuning.v1alpha1.MoveSettings.coherence:type_name -> sightline.tuning.v1alpha1.CoherenceSettings
+	4,  // 12: sightline.tuning.v1alpha1.MoveSettings.robust_goal:type_name -> sightline.tuning.v1alpha1.RobustGoal
+	13, // [13:13] is the sub-list for method output_type
+	13, // [13:13] is the sub-list for method input_type
+	13, // [13:13] is the sub-list for extension type_name
+	13, // [13:13] is the sub-list for extension extendee
+	0,  // [0:13] is the sub-list for field type_name
 }
 
 func init() { file_sightline_tuning_v1alpha1_tuning_proto_init() }
@@ -1266,7 +1350,7 @@ func file_sightline_tuning_v1alpha1_tuning_proto_init() {
 		File: protoimpl.DescBuilder{
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
 			RawDescriptor: unsafe.Slice(unsafe.StringData(file_sightline_tuning_v1alpha1_tuning_proto_rawDesc), len(file_sightline_tuning_v1alpha1_tuning_proto_rawDesc)),
-			NumEnums:      4,
+			NumEnums:      5,
 			NumMessages:   9,
 			NumExtensions: 0,
 			NumServices:   0,
