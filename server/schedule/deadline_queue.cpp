@@ -62,11 +62,14 @@ void DeadlineQueue::check_deadline(const Flow& flow, int64_t deadline_ns, int64_
 }
 
 bool DeadlineQueue::held(const Client& client, int64_t now_ns) const {
-  const auto has_long_steps = [&](const Client* one) { return now_ns < one->long_until_ns; };
-  if (!has_long_steps(&client) || !step_.beside(client, now_ns)) return false;
-  const auto steps = short_step_.beside(client, now_ns) ? std::count_if(stepping_.begin(), stepping_.end(), has_long_steps)
-                                                        : std::count(stepping_.begin(), stepping_.end(), &client);
-  return static_cast<size_t>(steps) >= most_long_;
+  const auto is_own_long = [&](const Stepping& step) { return step.client == &client && step.is_long; };
+  const bool has_long_steps = now_ns < client.long_until_ns || std::any_of(stepping_.begin(), stepping_.end(), is_own_long);
+  if (!has_long_steps || !step_.beside(client, now_ns)) return false;
+  const bool for_short_ones = short_step_.beside(client, now_ns);
+  const auto counts = [&](const Stepping& step) {
+    return for_short_ones ? step.is_long || now_ns < step.client->long_until_ns : step.client == &client;
+  };
+  return static_cast<size_t>(std::count_if(stepping_.begin(), stepping_.end(), counts)) >= most_long_;
 }
 
 DeadlineQueue::Flow* DeadlineQueue::next(int64_t now_ns) const {
@@ -83,8 +86,9 @@ DeadlineQueue::Flow* DeadlineQueue::next(int64_t now_ns) const {
 
 void DeadlineQueue::note_step(Client& client, int64_t now_ns) {
   step_.note(client, now_ns);
-  if (now_ns >= client.long_until_ns) short_step_.note(client, now_ns);
-  stepping_.push_back(&client);
+  const bool is_long = now_ns < client.long_until_ns;
+  if (!is_long) short_step_.note(client, now_ns);
+  stepping_.push_back({&client, is_long});
 }
 
 DeadlineQueue::Flow* DeadlineQueue::pop(int64_t now_ns) {
@@ -121,7 +125,8 @@ void DeadlineQueue::charge(Flow& flow, int64_t cost_ns, int64_t now_ns) {
 }
 
 void DeadlineQueue::note_cost(Client& client, int64_t cost_ns, int64_t now_ns) {
-  if (const auto step = std::find(stepping_.begin(), stepping_.end(), &client); step != stepping_.end()) stepping_.erase(step);
+  const auto step = std::find_if(stepping_.begin(), stepping_.end(), [&](const Stepping& one) { return one.client == &client; });
+  if (step != stepping_.end()) stepping_.erase(step);
   if (cost_ns > kLongStepNs)
     client.long_until_ns = now_ns + kLongForNs;
   else if (client.long_until_ns == INT64_MAX)

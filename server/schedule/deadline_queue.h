@@ -143,7 +143,12 @@ class DeadlineQueue {
   int64_t fair_until_ns_ = INT64_MIN;
   uint64_t pushes_ = 0;
   size_t most_long_;  // steps of clients with long ones at the same time, while others step
-  std::vector<const Client*> stepping_;  // of each step that was popped and not charged so far
+  // Each step that was popped and not charged so far. One of a client with long steps counts as long until it is done.
+  struct Stepping {
+    const Client* client = nullptr;
+    bool is_long = false;
+  };
+  std::vector<Stepping> stepping_;
   Newest step_, short_step_;  // of all clients, and of those with short steps
 };
 

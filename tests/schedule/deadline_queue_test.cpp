@@ -243,6 +243,15 @@ TEST_F(LongSteps, AreExpectedOfANewClientAndForAWhileAfterTheLast) {
   }
 }
 
+TEST_F(LongSteps, CountAsLongUntilTheyAreDone) {
+  other_steps(kMs), other_steps(kMs);
+  for (Flow& flow : of_long) queue.push(flow, 20 * kMs);
+  EXPECT_EQ(queue.pop(2 * kMs), &of_long[0]);
+  const int64_t later_ns = 3 * kMs + DeadlineQueue::kLongForNs;  // it still runs
+  other_steps(later_ns);
+  EXPECT_EQ(queue.pop(later_ns), nullptr);
+}
+
 TEST_F(LongSteps, AreNotHeldAtTheEnd) {
   other_steps(kMs);
   for (Flow& flow : of_long) queue.push(flow, 20 * kMs);
