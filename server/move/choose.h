@@ -60,7 +60,7 @@ struct Choice {
   MoveStatus status = MoveStatus::kHolding;
   MoveReason reason = MoveReason::kNoTargets;
   int candidate = -1;  // index into the candidate set; -1: stay
-  std::optional<glm::dvec3> place_m = {};  // where to go instead, next to the candidate
+  std::optional<glm::dvec3> place_m = {};  // where to go instead of the candidate's own place
 };
 
 // The steered targets: bit i is target i.

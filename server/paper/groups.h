@@ -1,7 +1,7 @@
 // Connected groups of candidates, and how far each candidate is from the nearest one that does not see (paper 6.1): the parts of the
 // paper's strategy "RobustMove" (Strategy::kRobust).
 //
-// The paper gathers the unoccluded candidates with their unoccluded neighbours and moves to the centre of the largest group (RobustGoal::kCentre). A centre
+// The paper gathers the unoccluded candidates with their unoccluded neighbours and moves to the centre of the largest group (RobustGoal::kCenter). A centre
 // of mass can itself be hidden: a ring around a pillar has its centre in the pillar. So the default goal is a member of the largest group,
 // the one farthest from everything hidden (RobustGoal::kDeepestMember); the paper favours "configurations located away from occluded areas". Distances do not count
 // the edge of the bound, beyond which nothing is known to be hidden. Otherwise the camera's own position, the centre of a fully

@@ -43,7 +43,7 @@ MapView chain_view(const PairChain& chain, uint32_t target, const glm::dvec2& ji
 
 // Lists the meeting points of the first volume that are in the bound, with bit i for target i. The map of target i, maps[i], must be taken
 // by chain_view(chain, i, jitter), with the same jitter for all targets. The two targets of the first link are compared at the texels whose rays meet
-// in the candidate, every other target at the ray that passes nearest to it. `texels`: as for compose_pair. O(r^3 * targets).
+// in the candidate, every other target at the ray that passes nearest to it. `texels` becomes the (u, v, w) of each candidate in the first volume. O(r^3 * targets).
 void compose_chain(const PairChain& chain, std::span<const DepthMap> maps, const Bound& bound,
                    double relative_bias, CandidateSet& candidates, std::vector<glm::ivec3>& texels);
 

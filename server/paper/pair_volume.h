@@ -11,7 +11,7 @@
 // a trilinear map of the volume's eight corners. Equal pixel steps give a projective grid, which agrees with the trilinear one only at the
 // corners, as the tests show.
 //
-// Both windows are centred on the image of the bound's centre and enclose the bound, up to kWidestRad from the z axis. So for an odd number of columns, not
+// Both windows are centred on the image of the bound's centre and enclose the bound, as far as its edges are within kWidestRad of the z axis. So for an odd number of columns, not
 // jittered, the middle rays meet at the centre itself. Often not all rays meet: those of targets near each other diverge. Then the volume covers a part of
 // the bound, with fewer than r^3 candidates.
 #pragma once
@@ -34,7 +34,8 @@ enum class PairGap { kNone, kTargetInBound, kOnLine, kTooClose };
 inline constexpr double kLeastSlantRad = 1e-6;
 // Targets whose distance is a smaller share of that to the bound are at one point: rounding decides where their rays meet.
 inline constexpr double kLeastParallax = 1e-6;
-// Frusta reach no farther than this from the z axis: about four times the far plane's distance.
+// An edge of the bound that is farther than this from the z axis counts as this far. A window reaches as far to either side of its middle, so its outer
+// edge may be farther out.
 inline constexpr double kWidestRad = 1.3089969389957472;  // 75 degrees
 
 struct PairVolume {
