@@ -27,6 +27,16 @@ std::optional<bool> sees(const ChainLink& link, const DepthMap& map, double slac
   return project(map.view, point_m).depth_m <= map.depth_at(near->x, near->y) * slack;
 }
 
+// Whether a meeting point of the first volume is inside all others.
+bool has_candidates(const PairChain& chain, const Bound& bound, const glm::dvec2& jitter) {
+  const std::span<const ChainLink> later = std::span(chain.links).subspan(1);
+  bool any = false;
+  for_each_meeting(chain.links.front().volume, bound, jitter, [&](const glm::ivec3&, const glm::dvec3& point_m) {
+    any = any || std::ranges::all_of(later, [&](const ChainLink& link) { return nearest_texels(link.volume, point_m, jitter).has_value(); });
+  });
+  return any;
+}
+
 }  // namespace
 
 PairGap make_pair_chain(std::span<const glm::dvec3> points_m, const Bound& bound, int resolution, const glm::dvec2& jitter, PairChain& chain) {
@@ -48,7 +58,7 @@ PairGap make_pair_chain(std::span<const glm::dvec3> points_m, const Bound& bound
   }
   for (uint32_t i = 1; i < count; ++i)
     if (!(joined >> i & 1u)) return pair_gap(points_m[i - 1], points_m[i], bound);
-  return count_meetings(chain.links.front().volume, bound, jitter) > 0 ? PairGap::kNone : PairGap::kTooClose;
+  return has_candidates(chain, bound, jitter) ? PairGap::kNone : PairGap::kTooClose;
 }
 
 MapView chain_view(const PairChain& chain, uint32_t target, const glm::dvec2& jitter) {

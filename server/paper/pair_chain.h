@@ -34,8 +34,8 @@ struct PairChain {
 
 // Chains 2 to 32 targets, given one point of each. `resolution` is the number of texels on each side of every map, and `jitter` that of the maps. When
 // the pairs do not connect all targets, `chain` is unspecified. The result is then the pair_gap between the first target
-// left out and its predecessor in the list. With two targets the one volume is make_pair_volume's. kTooClose also where no rays of the first volume
-// meet in the bound.
+// left out and its predecessor in the list. With two targets the one volume is make_pair_volume's. kTooClose also where the chain has no
+// candidate: no rays of the first volume meet inside the bound and all later volumes.
 PairGap make_pair_chain(std::span<const glm::dvec3> points_m, const Bound& bound, int resolution, const glm::dvec2& jitter, PairChain& chain);
 
 // The one map to take from a target of the chain.

@@ -8,18 +8,10 @@
 
 #include "server/base/random.h"
 #include "server/move/framing.h"
+#include "tests/move/target_at.h"
 
 namespace sightline {
 namespace {
-
-TrackedTarget target_at(const glm::dvec3& aim, double weight = 1.0, bool required = true) {
-  TrackedTarget view;
-  view.aim_m = aim;
-  view.radius_m = 0.5;
-  view.weight = weight;
-  view.required = required;
-  return view;
-}
 
 struct Case {
   CandidateSet candidates;

@@ -71,6 +71,17 @@ TEST(SessionMemory, KeepsTheHistoryOfTheFilters) {
   }
 }
 
+TEST(SessionMemory, KeepsThePairVolumesOfTheLastSteps) {
+  for (const Strategy strategy : {Strategy::kBasic, Strategy::kRobust}) {
+    const int filtered = expect_same_after_resume([&](StepSettings& settings) {
+      settings = preset_settings(Preset::kPaper);
+      settings.move.strategy = strategy;
+      settings.aggregate.filter.n = 32;
+    });
+    EXPECT_GT(filtered, kAfter / 4);
+  }
+}
+
 TEST(SessionMemory, KeepsAllThatTheDefaultRemembers) {
   expect_same_after_resume([](StepSettings& settings) { settings = preset_settings(Preset::kSightline); });
 }

@@ -63,6 +63,7 @@ TEST_P(PaperFilter, AnOpenPlaneIsOneGroup) {
     std::vector<uint8_t> members(sights.position_m.size(), 1);
     find_groups(sights.texels, Neighbours::kTouching, sights.position_m, members, OpenPlane::kPlaceM, scratch, groups);
     EXPECT_EQ(groups.size_cells.size(), 1u) << apart_m << " m";
+    EXPECT_GT(sights.texels.size(), 25u);
   }
 }
 INSTANTIATE_TEST_SUITE_P(Modes, PaperFilter, testing::Values(FilterMode::kNone, FilterMode::kJoint));
@@ -78,6 +79,32 @@ TEST(Paper, RobustMoveGoesToWhereBothAreSeen) {
     EXPECT_EQ(result.volume, Volume::kPair);
     EXPECT_TRUE(std::all_of(result.targets.begin(), result.targets.end(), [](const auto& t) { return t.visible_share == 1.0; }));
   }
+}
+
+// A post hides the targets from a strip in the middle of the bound, so what sees them is a U around it, whose centre is nearer to the strip than its
+// deepest member.
+TEST(Paper, ThePrintedCentreIsTheMeanOfTheGroup) {
+  OpenPlane world;
+  world.settings.aggregate.filter.mode = FilterMode::kNone;
+  world.settings.move.robust_goal = RobustGoal::kCenter;
+  world.settings.move.prediction_s = 0;
+  world.add_box(10, {-0.5, 1.3, 4.5}, {0.2, 1.3, 0.05});
+  world.step(kTick);
+  world.step(kTick);
+  const CandidateSights& sights = world.dump().sights;
+  std::vector<uint8_t> members;
+  for (const uint32_t seen : sights.candidates.filtered()) members.push_back((seen & 3u) == 3u);
+  GroupScratch scratch;
+  Groups groups;
+  find_groups(sights.texels, Neighbours::kTouching, sights.position_m, members, OpenPlane::kPlaceM, scratch, groups);
+  ASSERT_NE(groups.largest, kNoGroup);
+  glm::dvec3 sum_m(0.0);
+  double count = 0;
+  for (size_t i = 0; i < members.size(); ++i)
+    if (groups.group_of[i] == groups.largest) sum_m += sights.position_m[i], ++count;
+  ASSERT_LT(count, members.size()) << "some are hidden";
+  const glm::dvec3 wanted = world.dump().decision.wanted_mps, before_m = OpenPlane::kPlaceM;
+  EXPECT_GT(glm::dot(glm::normalize(wanted), glm::normalize(sum_m / count - before_m)), 0.9) << "towards the mean";
 }
 
 // With pair volumes the filter works over the pair volumes of the last steps. A post that passes in three of ten steps changes nothing.
