@@ -1,8 +1,8 @@
-// How well a camera keeps its shot (paper 6.2): "a camera's ability to maintain the visual properties of a shot over time", measured by the mean
-// deviation of property satisfaction and by the sum of the camera's accelerations.
+// Coherence (paper 6.2): how well a camera keeps its shot. The paper measures the mean deviation of property satisfaction, and the sum of the camera's
+// accelerations.
 //
-// The shot that was asked for is the one of the first frame. Its properties are the side and the height from which the camera sees the targets' centre, in
-// the world; the size of what is there in the picture; and the place of the centre in the picture. A property is satisfied within a free band around
+// The shot that was asked for is the one of the first frame. It has four properties. Side and height are those from which the camera sees the targets' centre, in
+// the world. Size and place are those of the centre in the picture. A property is satisfied within a free band around
 // its value in the first frame, and from a limit on not at all. Between the two the deviation rises from 0 to 1 in proportion. A cut does not change what was asked
 // for.
 #pragma once
@@ -22,7 +22,7 @@ inline constexpr FreeBand kHeightBandRad{0.17453292519943295, 0.7853981633974483
 inline constexpr FreeBand kSizeBandLog2{0.25, 1.5};
 inline constexpr FreeBand kPlaceBandHalfPictures{0.15, 1.0};
 
-// What a frame shows of the shot. Side and height are the azimuth and elevation of the camera as seen from the targets' centre.
+// The properties of one frame. Side and height are the azimuth and elevation of the camera as seen from the targets' centre.
 struct ShotProperties {
   double side_rad = 0.0, height_rad = 0.0;
   double size_log2 = 0.0;          // of one over the picture's height at the centre, in metres

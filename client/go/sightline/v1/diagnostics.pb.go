@@ -336,7 +336,7 @@ const (
 	PairFallback_PAIR_FALLBACK_TARGET_IN_BOUND PairFallback = 2
 	// The middle of the reachable volume is on the line through two targets.
 	PairFallback_PAIR_FALLBACK_ON_LINE PairFallback = 3
-	// Two targets are so close together that no two of their rays meet in the reachable volume.
+	// No two rays of two targets meet in the reachable volume, most often because the targets are at one point.
 	PairFallback_PAIR_FALLBACK_TOO_CLOSE PairFallback = 4
 	// The strategy MIN_COST and the filter PER_TARGET need candidates that keep their places.
 	PairFallback_PAIR_FALLBACK_NEEDS_LATTICE PairFallback = 5

@@ -38,8 +38,8 @@ const (
 	Settings_PRESET_UNSPECIFIED Settings_Preset = 0
 	// The values that did best over all measured scenes.
 	Settings_PRESET_SIGHTLINE Settings_Preset = 1
-	// The method as printed, in the configuration that the paper found best. What the goal should be nearest to the paper leaves open: here it is the
-	// shot's own place, as with FOLLOW_OFFSET.
+	// The method as printed, in the configuration that the paper found best, but for the goal of RobustMove (RobustGoal in the tuning). The paper leaves
+	// open what the goal should be nearest to. Here it is the shot's own place, as with FOLLOW_OFFSET.
 	Settings_PRESET_PAPER Settings_Preset = 2
 )
 

@@ -250,7 +250,7 @@ func (Strategy) EnumDescriptor() ([]byte, []int) {
 	return file_sightline_tuning_v1alpha1_tuning_proto_rawDescGZIP(), []int{3}
 }
 
-// What the strategy ROBUST takes for the middle of a group.
+// The middle of a group, for the strategy ROBUST.
 type RobustGoal int32
 
 const (
@@ -738,7 +738,7 @@ type MoveSettings struct {
 	TurnProbability *float64 `protobuf:"fixed64,5,opt,name=turn_probability,json=turnProbability,proto3,oneof" json:"turn_probability,omitempty"`
 	// The angle by which a turning target is expected to turn. MIN_COST only.
 	TurnRad *float64 `protobuf:"fixed64,6,opt,name=turn_rad,json=turnRad,proto3,oneof" json:"turn_rad,omitempty"`
-	// What the strategy ROBUST takes for the middle of a group.
+	// The middle of a group to which the strategy ROBUST goes.
 	RobustGoal    RobustGoal `protobuf:"varint,7,opt,name=robust_goal,json=robustGoal,proto3,enum=sightline.tuning.v1alpha1.RobustGoal" json:"robust_goal,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
