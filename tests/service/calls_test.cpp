@@ -107,8 +107,11 @@ TEST(Calls, AServerStopsWhileClientsKeepCalling) {
   for (int round = 0; round < 20; ++round) {
     ServiceWorld world({.loops = 4});
     std::atomic<bool> stopped{false};
+    // Connected before the server stops: a channel that is not waits for a connection until its time is up.
+    std::vector<std::shared_ptr<grpc::Channel>> channels;
+    for (int c = 0; c < 4; ++c) channels.push_back(world.channel());
     std::vector<std::thread> clients;
-    for (int c = 0; c < 4; ++c) clients.emplace_back([&, c] { call_until(stopped, world.channel(), c > 0); });
+    for (int c = 0; c < 4; ++c) clients.emplace_back([&, c] { call_until(stopped, channels[c], c > 0); });
     std::this_thread::sleep_for(milliseconds(5 + random.next_below(20)));
     world.listener->stop(milliseconds(random.next_below(3)));
     stopped = true;
