@@ -47,6 +47,22 @@ std::vector<CatalogEntry> study_entries() {
   };
 }
 
+// A fence for a camera that may be anywhere in the bound at the next step, as in the paper's Table 3. At a greatest acceleration of 10 m/s^2 a
+// camera has hardly begun to move when a picket has passed.
+FenceOptions agile_fence(uint64_t seed) {
+  return {.seed = seed, .picket_m = 0.07, .limits = {1000, 1000}};
+}
+
+std::vector<CatalogEntry> paper_entries() {
+  constexpr SceneGroup kGroup = SceneGroup::kPaper;
+  return {
+      {"hall-front", "the hall of the study, seen from before the targets (Table 2)", kGroup,
+       [](const SceneRequest& r) { return make_hall({.seed = r.seed, .from_front = true}); }},
+      {"fence-agile", "the fence with wider pickets, for a camera without inertia (Table 3)", kGroup,
+       [](const SceneRequest& r) { return make_fence(agile_fence(r.seed)); }},
+  };
+}
+
 std::vector<CatalogEntry> situation_entries() {
   constexpr SceneGroup kGroup = SceneGroup::kSituations;
   return {
@@ -88,7 +104,7 @@ std::vector<CatalogEntry> situation_entries() {
 
 std::vector<CatalogEntry> all_entries() {
   std::vector<CatalogEntry> all = study_entries();
-  for (std::vector<CatalogEntry> more : {level_entries(), tile_entries(), situation_entries()})
+  for (std::vector<CatalogEntry> more : {level_entries(), tile_entries(), situation_entries(), paper_entries()})
     all.insert(all.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
   return all;
 }
@@ -104,9 +120,11 @@ std::string_view name_of(SceneGroup group) {
     case SceneGroup::kTiles:
       return "tiles";
     case SceneGroup::kSituations:
+      return "situations";
+    case SceneGroup::kPaper:
       break;
   }
-  return "situations";
+  return "paper";
 }
 
 std::optional<SceneGroup> find_group(std::string_view name) {

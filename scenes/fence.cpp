@@ -96,7 +96,7 @@ std::vector<std::byte> make_fence(const FenceOptions& options) {
   ScenarioBuilder scene(options.duration_s);
   scene.add_static("ground", scene.add_mesh("ground", standing_box(40, 0.25, 40), colors::kFloor),
                    {0, -0.25, 0});
-  scene.add_camera({0, 1.6, options.camera_distance_m}, {0, kBodyHeight_m / 2, 0});
+  scene.add_camera({0, 1.6, options.camera_distance_m}, {0, kBodyHeight_m / 2, 0}, options.limits);
   const double half = kBetweenTargets_m / 2;
   scene.add_character("target-1", standing({-half, 0, snapped_in(random, -0.1, 0.1)}, options.duration_s));
   scene.add_character("target-2", standing({half, 0, snapped_in(random, -0.1, 0.1)}, options.duration_s));

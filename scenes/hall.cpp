@@ -31,7 +31,7 @@ constexpr int kFirstBay = 2;
 constexpr double kHalfGap_m = 0.45;  // between each target and the middle of the pair
 constexpr double kSlowest_mps = 1.35;
 constexpr double kFastest_mps = 1.5;
-constexpr double kBehind_m = 5.0;  // the camera's first place
+constexpr double kFromCamera_m = 5.0;
 constexpr double kUp_m = 2.0;
 
 constexpr double kCurtainLength_m = 7.0;
@@ -185,6 +185,11 @@ bool goes_straight(const TimedPath& middle, double from_s, double to_s) {
   return true;
 }
 
+// The camera's first place along the hall, from the middle of the pair.
+double camera_x_m(const HallOptions& options) {
+  return options.from_front ? kFromCamera_m : -kFromCamera_m;
+}
+
 // A curtain hangs between columns, not in them.
 bool is_between_columns(double x_m) {
   return std::abs(x_m - std::floor(x_m / kBay_m + 0.5) * kBay_m) > kHalfBase_m + 0.0625;
@@ -196,12 +201,13 @@ void add_curtains(ScenarioBuilder& scene, const TimedPath& middle, const HallOpt
       scene.add_mesh("curtain", standing_box(0.0625, kCurtainHeight_m, kCurtainLength_m), colors::kCurtain);
   InstanceAttributes attributes;
   attributes.collides = false;
+  const double from_pair_m = camera_x_m(options) * (1 - kBeforeCamera_m / kFromCamera_m);
   int count = 0;
   double time_s = kFirstCurtain_s;
   while (time_s < options.duration_s) {
     const double hold_s = random.next_in(0.5, 0.8), side = side_of(static_cast<int>(random.next_below(2)));
     const glm::dvec2 pair = middle.position_m(time_s);
-    const Curtain curtain{pair.x - kBehind_m + kBeforeCamera_m, side, pair.y - side * kBeyondSight_m, time_s,
+    const Curtain curtain{pair.x + from_pair_m, side, pair.y - side * kBeyondSight_m, time_s,
                           time_s + hold_s};
     time_s += 0.1;
     if (curtain.gone_s() > options.duration_s || !is_between_columns(curtain.x_m) ||
@@ -226,7 +232,7 @@ std::vector<std::byte> make_hall(const HallOptions& options) {
   add_columns(scene, way.bays, options.ceiling_m);
   add_inner_walls(scene, way.bays, options, wall_random);
   const glm::dvec2 start = way.middle.front();
-  scene.add_camera({start.x - kBehind_m, kUp_m, start.y}, {start.x, 1.2, start.y});
+  scene.add_camera({start.x + camera_x_m(options), kUp_m, start.y}, {start.x, 1.2, start.y});
   scene.add_character("target-1", walk({beside(way.middle, -kHalfGap_m), way.times_s}, options.duration_s));
   scene.add_character("target-2", walk({beside(way.middle, kHalfGap_m), way.times_s}, options.duration_s));
   add_curtains(scene, middle, options, curtain_random);

@@ -29,6 +29,7 @@ struct HallOptions {
   double ceiling_m = 4.5;    // [4, 20]
   double wall_share = 0.5;   // [0, 1]: share of the bays in the aisles that are walled up
   double curtain_pause_s = 1.5;  // [0, 600]: least time between one curtain leaving and the next one coming
+  bool from_front = false;       // the camera is 5 m before the targets and sees their faces, instead of 5 m behind
 };
 
 // A .glb file. Nothing in it blocks the path of the targets.

@@ -93,6 +93,9 @@ void add_evaluate(CLI::App& app, sightline::EvaluateOptions& options) {
       ->capture_default_str();
   evaluate->add_option("--jobs", options.jobs, "Threads (default: as many as there are cores)")
       ->check(CLI::Range(1, 1024));
+  evaluate->add_option("--sampler", options.sampler, "What takes the maps of Sightline's own policies")
+      ->check(CLI::IsMember({"embree", "egl"}))
+      ->capture_default_str();
   evaluate->add_option("--out", options.out, "Folder for the tables")->capture_default_str();
   evaluate->add_flag("--json", options.json, "One JSON object instead of a table: means over the seeds of every figure, by scene and policy");
 }

@@ -10,6 +10,7 @@
 #include "scenes/catalog.h"
 #include "scenes/tile_set.h"
 #include "server/base/cpu_budget.h"
+#include "server/sample/sampler_choice.h"
 #include "server/scene/gltf.h"
 
 namespace sightline {
@@ -129,6 +130,8 @@ Status evaluate_into_folder(const EvaluateOptions& options, std::ostream& out, s
   if (!cases) return tl::unexpected(cases.error());
   const auto chosen = policies_of(options);
   if (!chosen) return tl::unexpected(chosen.error());
+  const auto sampler = choose_sampler_device(options.sampler == "egl" ? SamplerChoice::kEgl : SamplerChoice::kEmbree, {});
+  if (!sampler) return tl::unexpected(sampler.error());
   const std::filesystem::path folder(options.out);
   // Made before the runs, so that a folder that cannot be written is reported at once.
   std::error_code trouble;
@@ -139,6 +142,7 @@ Status evaluate_into_folder(const EvaluateOptions& options, std::ostream& out, s
                             .duration_s = options.duration_s,
                             .picture_every = options.picture_every,
                             .jobs = options.jobs > 0 ? options.jobs : cpu_budget(),
+                            .samplers = sampler->device.get(),
                             .progress = {}};
   playing.progress = [&](double share) { bar.show("evaluate", static_cast<size_t>(1000 * share), 1000); };
   const auto runs = evaluate(*cases, *chosen, playing);

@@ -26,6 +26,7 @@ struct EvaluateOptions {
   double duration_s = 0.0;  // longest part of each scene to play; 0: all of it
   int picture_every = 6;
   int jobs = 0;  // number of threads; 0: one per core
+  std::string sampler = "embree";  // of Sightline's own policies: "embree" or "egl"
   std::string out = "evaluation";
   bool json = false;      // print one JSON object instead of a table
   bool progress = false;  // draw a bar on `err`

@@ -29,9 +29,15 @@ tl::unexpected<Error> in_scene(const SceneCase& scene, Error error) {
 
 // The state that all threads share. Every member may be used from many threads.
 struct Shared {
+  // `given` may be null; then this makes Embree's.
+  explicit Shared(SamplerDevice* given)
+      : embree_samplers(given != nullptr ? nullptr : make_embree_sampler_device()),
+        samplers(given != nullptr ? *given : *embree_samplers) {}
+
   GeometryStore store;
   EmbreeDevice device;
-  std::unique_ptr<SamplerDevice> samplers = make_embree_sampler_device();
+  std::unique_ptr<SamplerDevice> embree_samplers;
+  SamplerDevice& samplers;
   ExtentCache extents;
 };
 
@@ -72,6 +78,7 @@ struct Played {
   std::vector<std::vector<ReportedShare>> reports;  // by frame; empty when the policy reports nothing
   std::vector<std::optional<bool>> tracking;        // by frame
   std::vector<std::optional<glm::dvec3>> goals_m;   // by frame
+  std::optional<size_t> pair_volumes;               // number of frames with one; none when the policy does not say
 };
 
 // One policy in one scene.
@@ -114,7 +121,7 @@ class Run {
   Result<Played> play(const Scenario& scenario) {
     const auto ticks =
         static_cast<size_t>(std::floor(length_s(scenario, options_) * options_.rate_hz + 1e-9)) + 1;
-    PolicySite site{scenario,        shared_.store,  shared_.device,       *shared_.samplers,
+    PolicySite site{scenario,        shared_.store,  shared_.device,       shared_.samplers,
                     shared_.extents, limits_,         1 / options_.rate_hz, scene_.seed,
                     ticks,           static_cast<size_t>(options_.picture_every)};
     auto policy = policy_.make(site);
@@ -131,8 +138,10 @@ class Run {
       if (step->reports) played.reports.push_back(std::move(*step->reports));
       played.tracking.push_back(step->tracking);
       played.goals_m.push_back(step->goal_m);
+      if (step->pair_volume) played.pair_volumes = played.pair_volumes.value_or(0) + *step->pair_volume;
       progress_(kPlayShare * static_cast<double>(k) / static_cast<double>(ticks));
     }
+    if (played.pair_volumes) record_.pair_volume_share = double(*played.pair_volumes) / static_cast<double>(ticks);
     record_.most_joint = (*policy)->most_joint();
     record_.timing.step_ms = 1000 * steps_s / static_cast<double>(ticks);
     return played;
@@ -223,7 +232,7 @@ void for_each_index(size_t count, int threads, const std::function<void(size_t)>
 Result<std::vector<RunRecord>> evaluate(std::span<const SceneCase> cases,
                                         std::span<const PolicyEntry> policies,
                                         const EvaluationOptions& options) {
-  Shared shared;
+  Shared shared(options.samplers);
   const size_t runs = cases.size() * policies.size();
   const int jobs = std::max(1, options.jobs);
   // Cores that would have no run of their own help to judge.

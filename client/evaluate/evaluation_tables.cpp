@@ -60,6 +60,11 @@ constexpr Column kGoalColumns[] = {
     {"goal_jumps_per_s", [](const Run& r) { return r.goals->jumps_per_s; }},
 };
 
+// Only of Sightline's own policies.
+constexpr Column kVolumeColumns[] = {
+    {"pair_volume_share", [](const Run& r) { return *r.pair_volume_share; }},
+};
+
 // A group of columns that a run may lack.
 struct OptionalColumns {
   std::span<const Column> columns;
@@ -69,6 +74,7 @@ constexpr OptionalColumns kOptionalColumns[] = {
     {kReportColumns, [](const Run& r) { return r.reports.has_value(); }},
     {kStatusColumns, [](const Run& r) { return r.status.has_value(); }},
     {kGoalColumns, [](const Run& r) { return r.goals.has_value(); }},
+    {kVolumeColumns, [](const Run& r) { return r.pair_volume_share.has_value(); }},
 };
 
 constexpr std::string_view kLegend = R"(

@@ -34,6 +34,7 @@ class StepPolicy : public CameraPolicy {
     step.jump = answer->cut || answer->step.flags.dt_capped;
     step.tracking = answer->step.status == TrackingStatus::kTracking;
     step.goal_m = goal_of(session_->dump());
+    step.pair_volume = answer->step.volume == Volume::kPair;
     step.reports.emplace();
     for (const TargetSight& sight : answer->step.targets)
       step.reports->push_back({sight.id, sight.visible_share, sight.filtered_share});

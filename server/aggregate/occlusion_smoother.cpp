@@ -5,10 +5,9 @@
 
 namespace sightline {
 
-void OcclusionSmoother::update(const Lattice& lattice, bool on_lattice, double dt_s, double memory_s,
-                           std::span<double> hidden) {
+void OcclusionSmoother::update(const Lattice& lattice, double dt_s, double memory_s, std::span<double> hidden) {
   const double share = memory_s > 0 ? -std::expm1(-dt_s / memory_s) : 1.0;
-  const size_t cells = on_lattice ? lattice.addresses().size() : 0;
+  const size_t cells = lattice.addresses().size();
   if (cells_.size() != lattice.address_count()) cells_.assign(lattice.address_count(), Past{});
   if (travellers_.size() < hidden.size() - cells) travellers_.resize(hidden.size() - cells);
   ++step_;

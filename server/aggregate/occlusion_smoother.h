@@ -13,11 +13,10 @@ namespace sightline {
 // Belongs to one lattice. A cell that leaves the bound loses its past. Not thread-safe. Deterministic.
 class OcclusionSmoother {
  public:
-  // Replaces each hidden[i] by its low-passed value. With `on_lattice` the first entries are the lattice's covered cells in its order. All
+  // Replaces each hidden[i] by its low-passed value. The first entries are the lattice's covered cells in its order. All
   // other entries are candidates that move; their past goes by their index. dt_s >= 0. The time constant memory_s is >= 0; 0 turns the
   // filter off.
-  void update(const Lattice& lattice, bool on_lattice, double dt_s, double memory_s,
-              std::span<double> hidden);
+  void update(const Lattice& lattice, double dt_s, double memory_s, std::span<double> hidden);
 
  private:
   friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)

@@ -88,9 +88,9 @@ void ClearanceCache::measure_others(std::span<const glm::dvec3> position_m, std:
 }
 
 std::span<const float> ClearanceCache::measure(const SceneMirror& mirror, const Lattice& lattice, const Bound& bound,
-                                               std::span<glm::dvec3> position_m, bool on_lattice, double body_radius_m) {
+                                               std::span<glm::dvec3> position_m, double body_radius_m) {
   const double reach_m = std::max(kReachSpacings * lattice.spacing_m(), body_radius_m + kMoreRoomM);
-  const size_t cell_count = on_lattice ? lattice.addresses().size() : 0;
+  const size_t cell_count = lattice.addresses().size();
   double farthest_m = bound.radius_m + kFartherSpacings * lattice.spacing_m();
   for (const glm::dvec3& p : position_m.subspan(cell_count))
     farthest_m = std::max(farthest_m, glm::distance(p, bound.center_m));

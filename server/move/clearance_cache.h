@@ -26,7 +26,7 @@ class ClearanceCache {
   static constexpr double kReachSpacings = 1.75;
 
   // Distance in metres from each candidate to the nearest static collider, capped at kReachSpacings lattice spacings, or at `body_radius_m` + 0.15 m
-  // if that is more. With `on_lattice` the first candidates are the lattice's covered cells in its order, and are cached. All others are measured in
+  // if that is more. The first candidates are the lattice's covered cells in its order, and are cached. All others are measured in
   // each call. A body of another radius empties the cache. `position_m`: of the candidates. The cells' positions are changed where the body does not fit there but near it; a straight free way
   // leads there, and the clearance is that of the new position. A position never leaves the bound. The result is valid until the next call.
   // Only cells that are new to the bound cost time.
@@ -36,7 +36,7 @@ class ClearanceCache {
   // as if it were measured again, so the result depends on the mirror and the bound alone. In eight of our scenes no cell took more than 1,213.
   static constexpr uint64_t kTestsOfCell = 10'000, kTestsOfCells = 1'000, kTestsOfLattice = 100'000;
   std::span<const float> measure(const SceneMirror& mirror, const Lattice& lattice, const Bound& bound,
-                                 std::span<glm::dvec3> position_m, bool on_lattice, double body_radius_m);
+                                 std::span<glm::dvec3> position_m, double body_radius_m);
   // The tests that the last call took.
   uint64_t tests() const { return tests_; }
   // The candidates whose positions the last call changed, ascending.

@@ -144,14 +144,12 @@ double required_weight(const StepContext& step, uint32_t seen) {
 }
 
 // The length of the way that the decision takes, if it leads to a view of a required target; else infinity.
-double way_m(const MoveInput& in, const Decision& decision, MoveScratch& scratch) {
-  const glm::dvec3 from_m = in.step.camera.pose.position_m;
+double way_m(const MoveInput& in, const Decision& decision, const MoveScratch& scratch) {
   if (decision.chosen_candidate < 0) return std::numeric_limits<double>::infinity();
   const auto chosen = static_cast<uint32_t>(decision.chosen_candidate);
   if ((in.sights.candidates.visible_targets[chosen] & required_mask(in.step)) == 0)
     return std::numeric_limits<double>::infinity();
-  if (!weighs_hidden(in.step.input)) return glm::distance(from_m, in.sights.candidates.position_m[chosen]);
-  return way_length_m(in, from_m, scratch.way);
+  return scratch.way_m;
 }
 
 // Called when all places were examined. The next round takes the place that sees most. The round after it begins afresh.

@@ -4,149 +4,46 @@
 #include <functional>
 
 #include "server/move/keep_together.h"
-#include "server/paper/robust_costs.h"
 #include "server/step/stages.h"
 
 namespace sightline {
 namespace {
 
-// The time in which the horizon doubles or halves. It grows while no candidate sees all targets, or with the strategy kMinCost while no
-// place on the plan sees any.
-constexpr double kHorizonDoublingS = 0.25;
-
-// With a prediction, drops candidates that will not see the predicted targets, as long as another one sees them now and
-// then. Otherwise the camera would go to the edge of a region that is about to be hidden, and would react late.
-void leave_out_hidden_ahead(const MoveInput& in, std::vector<uint8_t>& members) {
-  if (in.plan.ahead_s <= 0) return;
-  const std::span<const uint32_t> ahead = in.sights.candidates.ahead();
-  const uint32_t steered = in.step.targets.steered;
-  const auto seen_ahead = [&](size_t i) { return (ahead[i] & steered) == steered; };
-  bool any = false;
-  for (size_t i = 0; i < ahead.size(); ++i) any |= members[i] && seen_ahead(i);
-  if (!any) return;
-  for (size_t i = 0; i < ahead.size(); ++i)
-    if (!seen_ahead(i)) members[i] = 0;
-}
-
-// Lists the candidates' cells, those of the lattice or of the pair volume, and which of them see all steered targets.
-void list_all_visible(const MoveInput& in, MoveScratch& scratch) {
-  const CandidateSet& candidates = in.sights.candidates;
-  const std::span<const uint32_t> seen = candidates.filtered();
-  const uint32_t steered = in.step.targets.steered;
-  if (in.sights.on_lattice)
-    lattice_cells(candidates.position_m, in.carried.candidates.lattice.spacing_m(), scratch.cells);
-  else
-    scratch.cells = in.sights.texels;
-  scratch.members.resize(seen.size());
-  for (size_t i = 0; i < seen.size(); ++i) scratch.members[i] = (seen[i] & steered) == steered;
-}
-
-void set_robust_costs(const MoveInput& in, MoveScratch& s) {
-  const auto& position_m = in.sights.position_m;
-  list_all_visible(in, s);
-  leave_out_hidden_ahead(in, s.members);
-  const Neighbours neighbours = in.sights.on_lattice ? Neighbours::kFaces : Neighbours::kTouching;
-  find_groups(s.cells, neighbours, position_m, s.members, in.desired_m, s.group_scratch, s.groups);
-  if (in.step.input.settings.move.robust_goal == RobustGoal::kCenter) return center_costs(position_m, in.desired_m, s.groups, s.cost);
-  // A place outside a pair volume has no cell that is near any other, so nothing is measured from it.
-  if (!in.sights.on_lattice)
-    for (size_t i = 0; i < s.members.size(); ++i) s.members[i] |= s.cells[i].x < 0;
-  measure_edge_distances(s.cells, s.members, s.edge_distance_scratch, s.edge_distance_squared);
-  robust_costs(position_m, in.desired_m, s.groups, s.edge_distance_squared, s.cost);
-}
-
-// With RobustGoal::kCenter the camera goes to the group's centre itself rather than to the member next to it, if the body can go there.
-void aim_at_center(const MoveInput& in, const MoveScratch& s, const Reachable& reachable, Choice& choice) {
-  if (in.step.input.settings.move.robust_goal != RobustGoal::kCenter || choice.candidate < 0) return;
-  if (s.groups.largest == kNoGroup || s.groups.group_of[static_cast<size_t>(choice.candidate)] != s.groups.largest) return;
-  const glm::dvec3 center_m = center_of_largest_m(in.sights.position_m, s.groups);
-  if (!reachable(center_m) || !within_limits(center_m, in.step.targets.tracked_targets, in.step.input.settings.move)) return;
-  choice.place_m = center_m;
-  if (choice.reason == MoveReason::kAtDesiredPlace) choice.reason = MoveReason::kNearestAllVisible;
-}
-
-// Strategies kBasic and kRobust.
-Choice choose(const MoveInput& in, MoveScratch& scratch) {
-  const MoveSettings& settings = in.step.input.settings.move;
-  const CandidateSet& candidates = in.sights.candidates;
-  const std::span<const TrackedTarget> targets = in.step.targets.tracked_targets;
-  StraightWays ways(in.surroundings.colliders, in.step.camera.pose.position_m,
-                    swept_radius_m(in.step.input.limits, in.step.lens));
-  const auto is_free = [&](const glm::dvec3& position_m) { return ways.is_free(position_m); };
-  const Reachable reachable = std::cref(is_free);  // by reference: nothing is allocated
-  const double ahead_weight = in.step.input.settings.move.coherence.predictive_power * in.plan.ahead_confidence;
-  if (settings.strategy == Strategy::kBasic)
-    return choose_basic(candidates, targets, in.desired_m, ahead_weight, settings, reachable, scratch.choice_scratch);
-  set_robust_costs(in, scratch);
-  Choice choice = choose_place(candidates, targets, scratch.cost, in.desired_m, ahead_weight, settings, reachable,
-                               scratch.choice_scratch);
-  aim_at_center(in, scratch, reachable, choice);
-  return choice;
-}
-
-glm::dvec3 velocity_to(const MoveInput& in, const Choice& choice) {
-  const CameraState& camera = in.step.camera;
-  const CameraLimits& limits = in.step.input.limits;
-  if (choice.candidate < 0) return steer_velocity(camera, glm::dvec3(0.0), limits, 0.0, in.step.move_s);
-  // A goal at the desired position moves with the targets; any other goal is fixed in the world.
-  const bool travels = choice.reason == MoveReason::kAtDesiredPlace;
-  return velocity_towards(camera, choice.place_m.value_or(in.sights.candidates.position_m[static_cast<size_t>(choice.candidate)]),
-                          travels ? group_velocity_mps(in.step) : glm::dvec3(0.0), limits, in.step.move_s);
-}
-
-// The horizon grows, so that an escape looks farther, or shrinks again.
-double next_horizon_s(const MoveInput& in, bool grows) {
-  const double factor = std::exp2(in.step.move_s / kHorizonDoublingS);
-  return grows ? in.carried.horizon_s * factor : in.carried.horizon_s / factor;
-}
-
-// See Decision::view_way_m. `way`: the candidates on the way to the choice; strategies that plan no way pass null.
-std::optional<double> way_to_view_m(const MoveInput& in, const Choice& choice, const std::vector<uint32_t>* way) {
+// See Decision::view_way_m.
+std::optional<double> way_to_view_m(const MoveInput& in, const Choice& choice, const std::vector<uint32_t>& way) {
   if (choice.candidate < 0) return std::nullopt;
   const auto goal = static_cast<uint32_t>(choice.candidate);
   const std::span<const uint32_t> seen = in.sights.candidates.filtered();
   const auto sees = [&](uint32_t candidate) {
-    return (seen[candidate] & in.step.targets.steered) != 0 || (way && in.sights.hidden[candidate] < kAllHidden);
+    return (seen[candidate] & in.step.targets.steered) != 0 || in.sights.hidden[candidate] < kAllHidden;
   };
   const glm::dvec3 from_m = in.step.camera.pose.position_m;
-  if (!way) return sees(goal) ? std::optional(glm::distance(from_m, in.sights.candidates.position_m[goal])) : std::nullopt;
-  for (size_t k = 0; k < way->size(); ++k) {
-    if (!sees((*way)[k])) continue;
-    const std::span<const uint32_t> to_view = std::span(*way).first(k + 1);
+  for (size_t k = 0; k < way.size(); ++k) {
+    if (!sees(way[k])) continue;
+    const std::span<const uint32_t> to_view = std::span(way).first(k + 1);
     if (sees(static_cast<uint32_t>(in.sights.own_candidate))) return way_length_m(in, from_m, to_view);
     return first_leg(in, to_view, swept_radius_m(in.step.input.limits, in.step.lens)).length_m;
   }
-  return sees(goal) || in.sights.hidden[goal] < kAllHidden ? std::optional(way_length_m(in, from_m, *way)) : std::nullopt;
+  return sees(goal) ? std::optional(way_length_m(in, from_m, way)) : std::nullopt;
 }
 
-struct Course {
-  Choice choice;
-  glm::dvec3 wanted_mps{0.0};
-};
-
 // Chooses the candidate to go to and the velocity. Sets the horizon, the goal, and what is expected to be seen on the way.
-Course choose_course(const MoveInput& in, MoveScratch& scratch, Decision& decision) {
-  const bool by_goal = weighs_hidden(in.step.input);
+Course flight_course(const MoveInput& in, MoveScratch& scratch, Decision& decision) {
   Goal goal;
   if (in.step.targets.steered != 0) {
-    if (by_goal) {
-      goal = choose_goal(in, scratch);
-      decision.goal_m = goal.position_m;
-      decision.blind = goal.blind;
-      decision.change = goal.change;
-    } else {
-      goal.choice = choose(in, scratch);
-    }
+    goal = choose_goal(in, scratch);
+    decision.goal_m = goal.position_m;
+    decision.blind = goal.blind;
+    decision.change = goal.change;
   }
-  const bool none_sees_all = goal.choice.status != MoveStatus::kTracking && in.step.targets.steered != 0;
-  decision.horizon_s = next_horizon_s(in, by_goal ? goal.searches : none_sees_all);
+  decision.horizon_s = next_horizon_s(in, goal.searches);
   decision.follows = goal.follows;
   decision.plan_m = goal.plan_m;
-  const glm::dvec3 wanted_mps = by_goal && in.step.targets.steered != 0 ? goal.velocity_mps : velocity_to(in, goal.choice);
-  decision.view_way_m = way_to_view_m(in, goal.choice, by_goal ? &scratch.way : nullptr);
+  decision.view_way_m = way_to_view_m(in, goal.choice, scratch.way);
   if (goal.way_m) decision.view_way_m = goal.way_m;
-  decision.sees_none = by_goal ? goal.lost : !decision.view_way_m;
-  return {goal.choice, wanted_mps};
+  decision.sees_none = goal.lost;
+  scratch.way_m = way_length_m(in, in.step.camera.pose.position_m, scratch.way);
+  return {goal.choice, in.step.targets.steered != 0 ? goal.velocity_mps : stopping_mps(in)};
 }
 
 // More than by rounding.
@@ -260,16 +157,24 @@ Decision unmoved(const MoveInput& in) {
   decision.turn = in.carried.turn;
   decision.vertical_fov_rad = in.carried.zoom.vertical_fov_rad;
   decision.horizon_s = in.carried.horizon_s;
-  if (weighs_hidden(in.step.input)) {
-    decision.goal_m = in.carried.goal_m;
-    decision.follows = in.carried.follows;
-    decision.blind = in.carried.blind;
-  }
+  decision.goal_m = in.carried.goal_m;
+  decision.follows = in.carried.follows;
+  decision.blind = in.carried.blind;
   if (in.step.move_s <= 0) decision.not_aimed_at = in.carried.not_aimed_at, decision.change = in.carried.change;
   return decision;
 }
 
 }  // namespace
+
+double next_horizon_s(const MoveInput& in, bool grows) {
+  constexpr double kHorizonDoublingS = 0.25;  // the time in which it doubles or halves
+  const double factor = std::exp2(in.step.move_s / kHorizonDoublingS);
+  return grows ? in.carried.horizon_s * factor : in.carried.horizon_s / factor;
+}
+
+glm::dvec3 stopping_mps(const MoveInput& in) {
+  return steer_velocity(in.step.camera, glm::dvec3(0.0), in.step.input.limits, 0.0, in.step.move_s);
+}
 
 void gather_colliders(const StepContext& step, const Bound& bound, Surroundings& surroundings) {
   const CameraLimits& limits = step.input.limits;
@@ -294,7 +199,7 @@ Decision decide(const MoveInput& in, MoveScratch& scratch) {
     decision.reason = MoveReason::kPaused;
     return decision;
   }
-  const Course course = choose_course(in, scratch, decision);
+  const Course course = follows_paper(in.step.input) ? paper_course(in, scratch, decision) : flight_course(in, scratch, decision);
   decision.status = course.choice.status;
   decision.reason = course.choice.reason;
   decision.chosen_candidate = course.choice.candidate;

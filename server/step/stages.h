@@ -49,8 +49,6 @@ uint64_t hash_of(const TargetsNow& now, uint32_t mask);
 bool targets_stand(const StepContext& step);
 // The targets' mean velocity, by weight.
 glm::dvec3 group_velocity_mps(const StepContext& step);
-// True if the strategy rates candidates by the share of the targets that is expected to be hidden from them.
-bool weighs_hidden(const StepInput& input);
 // The radius of the body with the room that a path keeps from walls. So the camera can turn corners without grazing them.
 double route_radius_m(const StepContext& step);
 // The most tests of triangles (ClearanceField) of one part of a step: some milliseconds. In eight of our scenes none took more than 10,745. So in
@@ -85,6 +83,14 @@ struct SampleScratch {
   ClearanceField colliders;  // that stand around a target
 };
 void plan_sample(const SampleInput& input, SampleScratch& scratch, SamplePlan& plan);
+// Its parts. The points of all targets, now and at the longest usable prediction, which is at most `most_ahead_s`. Maps of the present are taken
+// from one in `of_points` of the points. Returns where in their texels the maps' rays go.
+glm::dvec2 pick_points(const SampleInput& input, double most_ahead_s, size_t of_points, SampleScratch& scratch, SamplePlan& plan);
+// Maps of the whole bound from each of these points.
+void plan_maps(const SampleInput& input, const glm::dvec2& jitter, Sampled& sampled, SamplePlan& plan);
+// Single rays from each point to where the camera will be after this step.
+void plan_sights(const StepContext& step, SamplePlan& plan);
+void plan_flight_maps(const SampleInput& input, SampleScratch& scratch, SamplePlan& plan);  // sample_slices.cpp
 // False if only the target's aim point is sampled.
 bool samples_surface(const StepContext& step, size_t target);
 
@@ -144,7 +150,7 @@ struct AggregateInput {
 };
 struct AggregateScratch {
   Composer composer;
-  ClearanceCache clearance_cache;  // strategy kMinCost
+  ClearanceCache clearance_cache;
   PlaceList places;                // the candidates, and then the places of moved cells
   HiddenShares hidden_by;
   std::vector<uint8_t> passes;  // by mirror slot: 1 if the instance moves and belongs to no target
@@ -153,6 +159,15 @@ struct AggregateScratch {
   std::vector<float> shares, outside;  // of one slice, by cell
 };
 void aggregate(const AggregateInput& input, CandidateMemory& memory, AggregateScratch& scratch, CandidateSights& sights);
+// Its parts. The lattice's cells as candidates.
+void list_cells(const Lattice& lattice, CandidateSights& sights);
+// Adds two candidates off the grid: the camera's own position and the desired one. Without them a camera at rest would move between
+// grid points.
+void add_own_and_desired_position(const AggregateInput& input, CandidateSights& sights);
+uint32_t seen_from_own_position(const StepContext& step, const TakenMaps& taken);
+// Lattice cells keep their history, if `filter` has a mode. The two positions off the lattice take over that of the nearest cell. `slots` is scratch memory.
+void filter_cells(const StepContext& step, const FilterSettings& filter, CandidateMemory& memory, std::vector<uint32_t>& slots,
+                  CandidateSet& candidates);
 
 // ---- move (move_stage.cpp; paper 3.4, 6): where to, how fast, and which way to look? ----
 
@@ -181,13 +196,30 @@ struct MoveScratch {
   RouteFinder routes;
   std::vector<float> outside;  // by cell of the planner: the cost of being outside the limits
   std::vector<uint32_t> way;  // the candidates on the way to the goal
+  double way_m = 0;           // length of the way to the chosen candidate, whichever strategy chose it
   ClearanceField trail_colliders;  // also of cuts
   FarWayFinder far_ways;
   ClearanceField far_colliders;
   std::vector<uint32_t> target_slots;
 };
+// A candidate to go to, and the velocity that the camera should have.
+struct Course {
+  Choice choice;
+  glm::dvec3 wanted_mps{0.0};
+};
 void gather_colliders(const StepContext& step, const Bound& bound, Surroundings& surroundings);
+// The horizon grows, so that an escape looks farther, or shrinks again.
+double next_horizon_s(const MoveInput& input, bool grows);
+// The velocity of a camera that comes to rest.
+glm::dvec3 stopping_mps(const MoveInput& input);
 Decision decide(const MoveInput& input, MoveScratch& scratch);
+
+// ---- the strategies of the paper (paper_stages.cpp): each stage has one way for them and one for the flight plan ----
+
+bool follows_paper(const StepInput& input);
+void plan_paper_maps(const SampleInput& input, SampleScratch& scratch, SamplePlan& plan);
+void aggregate_paper(const AggregateInput& input, CandidateMemory& memory, AggregateScratch& scratch, CandidateSights& sights);
+Course paper_course(const MoveInput& input, MoveScratch& scratch, Decision& decision);
 
 // ---- cuts (cut_stage.cpp; Settings.cut_after_s): is there a place to jump to? ----
 

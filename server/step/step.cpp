@@ -57,10 +57,6 @@ double route_radius_m(const StepContext& step) {
   return swept_radius_m(step.input.limits, step.lens) + kRoomM;
 }
 
-bool weighs_hidden(const StepInput& input) {
-  return input.settings.move.strategy == Strategy::kMinCost;
-}
-
 // Data of the step between `begin` and `finish`, and scratch memory that is reused. Its contents have no meaning for
 // the next step.
 struct Stepper::Work {
@@ -142,8 +138,7 @@ StepResult Stepper::finish(const StageClock& clock) {
     if (step.targets.steered != 0) desired_m = desired_position_m(step, carried_.shot);
     aggregate({step, dump_.bound, taken, desired_m}, carried_.candidates, work.aggregate, dump_.sights);
   }
-  {  // 4. Where to go, how fast, and which way to look? `choose_goal` (goal_search.cpp) chooses the candidate; for strategies
-     // of the paper `choose_place` and `choose_basic` (paper/choose_place.cpp).
+  {  // 4. Where to go, how fast, and which way to look? `choose_goal` (goal_search.cpp) chooses the candidate.
     const StageTimer timer = work.time(clock, Stage::kMove);
     if (step.move_s > 0) gather_colliders(step, dump_.bound, dump_.surroundings);
     const MoveInput in{step, carried_, dump_.bound, dump_.plan, dump_.sights, dump_.surroundings, desired_m};

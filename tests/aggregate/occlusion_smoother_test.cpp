@@ -30,7 +30,7 @@ TEST(OcclusionSmoother, AreALowPassAndStartAgain) {
     for (size_t i = 0; i < lattice.positions_m().size() + 2; ++i) hidden.push_back(random.next_unit());
     const double dt_s = random.next_in(0.0, 0.1), memory_s = step % 20 == 0 ? 0.0 : 0.3;
     const std::vector<double> given = hidden;
-    smoother.update(lattice, true, dt_s, memory_s, hidden);
+    smoother.update(lattice, dt_s, memory_s, hidden);
     std::map<Key, double> now;
     const auto next = [&](double before, double share) {
       return memory_s == 0 ? share : share + (before - share) * std::exp(-dt_s / memory_s);
@@ -51,20 +51,6 @@ TEST(OcclusionSmoother, AreALowPassAndStartAgain) {
     past = now;
   }
   EXPECT_GT(back, 300);
-}
-
-// The candidates are not lattice cells, and there are fewer or more of them.
-TEST(OcclusionSmoother, CandidatesOffTheLatticeHaveAHistoryByIndex) {
-  Lattice lattice;
-  Bound bound;
-  bound.radius_m = 1.0;
-  lattice.cover(bound, 60);
-  OcclusionSmoother smoother;
-  for (const size_t count : {size_t{3}, size_t{500}, size_t{0}, size_t{7}}) {
-    std::vector<double> hidden(count, 0.8);
-    smoother.update(lattice, false, 0.1, 0.1, hidden);
-    for (size_t i = 0; i < count; ++i) EXPECT_NEAR(hidden[i], 0.8, 1e-12);
-  }
 }
 
 }  // namespace

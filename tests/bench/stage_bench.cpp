@@ -12,7 +12,7 @@
 
 #include "client/scenario/scenario_world.h"
 #include "client/truth/metrics.h"
-#include "server/step/paper_settings.h"
+#include "server/paper/paper_settings.h"
 #include "tests/bench/step_timing.h"
 #include "server/sample/embree_sampler.h"
 

@@ -9,7 +9,7 @@
 #include "client/scenario/scenario_world.h"
 #include "scenes/catalog.h"
 #include "server/base/hash.h"
-#include "server/step/paper_settings.h"
+#include "server/paper/paper_settings.h"
 #include "server/sample/embree_sampler.h"
 #include "server/sample/extent.h"
 #include "server/scene/gltf.h"

@@ -4,7 +4,7 @@
 
 #include "client/truth/metrics.h"
 #include "scenes/catalog.h"
-#include "server/step/paper_settings.h"
+#include "server/paper/paper_settings.h"
 #include "server/sample/egl_sampler.h"
 #include "server/sample/embree_sampler.h"
 #include "server/scene/gltf.h"

@@ -23,7 +23,7 @@
 #include "server/sample/embree_sampler.h"
 #include "server/scene/gltf.h"
 #include "server/scene/primitives.h"
-#include "server/step/paper_settings.h"
+#include "server/paper/paper_settings.h"
 #include "server/wire/settings_to_proto.h"
 #include "tests/evaluate/table_files.h"
 #include "tests/support/temporary_folder.h"
@@ -311,7 +311,8 @@ TEST_F(EvaluateCommand, WritesARowARunAndARowAPicture) {
   EXPECT_THAT(runs.at("pictures"), ElementsAre("4", "4", "4", "4"));
   EXPECT_EQ(runs.at("reported_pairs")[0], "") << "follow reports nothing";
   EXPECT_EQ(runs.at("reported_pairs")[1], "8") << "two targets in four pictures";
-  for (const char* column : {"goal_jumps_per_s", "tracking_while_lost", "lost_called_tracking", "tracking_while_half_hidden"}) {
+  EXPECT_EQ(runs.at("pair_volume_share")[1], "0") << "the default uses the lattice";
+  for (const char* column : {"goal_jumps_per_s", "pair_volume_share", "tracking_while_lost", "lost_called_tracking", "tracking_while_half_hidden"}) {
     EXPECT_EQ(runs.at(column)[0], "") << "follow has neither a goal nor a status";
     EXPECT_NE(runs.at(column)[1], "") << column;
   }
@@ -473,10 +474,11 @@ TEST(PaperSettings, AreTheRowsOfThePapersTables) {
     for (const int ms : {100, 300, 500})
       add(std::string(name).append("-").append(std::to_string(ms)), paper_row(strategy, 0.001 * ms));
   }
-  add("stability-0-0", paper_stability(0, 0));
-  add("stability-3-5", paper_stability(3, 5));
-  add("stability-6-10", paper_stability(6, 10));
-  add("stability-8-15", paper_stability(8, 15));
+  for (const auto& [a, n] : {std::pair(0, 0), std::pair(3, 5), std::pair(6, 10), std::pair(8, 15)}) {
+    const std::string window = std::to_string(a) + "-" + std::to_string(n);
+    add("stability-" + window, paper_stability(a, n));
+    add("agile-" + window, agile_stability(a, n));
+  }
   EXPECT_EQ(paper_settings(), rows);
 }
 

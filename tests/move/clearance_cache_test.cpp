@@ -62,9 +62,9 @@ struct Place {
   }
   double reach_m() const { return std::max(1.75 * lattice.spacing_m(), kBodyM + 0.15); }
 
-  void expect_exact(bool on_lattice = true) {
+  void expect_exact() {
     const std::vector<glm::dvec3> before_m = position_m;
-    const auto measured = clearance_cache.measure(mirror, lattice, bound, position_m, on_lattice, kBodyM);
+    const auto measured = clearance_cache.measure(mirror, lattice, bound, position_m, kBodyM);
     ASSERT_EQ(measured.size(), position_m.size());
     ClearanceField field;
     field.gather(mirror, {0, 0, 0}, 1000, mirror.moving_slots());
@@ -162,8 +162,8 @@ TEST(ClearanceCache, AmongVeryManyTrianglesItIsBoundedAndTheSameWhateverWasBefor
       place.cover();
       ClearanceCache fresh;
       std::vector<glm::dvec3> travelled_m = place.position_m, fresh_m = place.position_m;
-      const auto a = place.clearance_cache.measure(place.mirror, place.lattice, place.bound, travelled_m, true, kBodyM);
-      const auto b = fresh.measure(place.mirror, place.lattice, place.bound, fresh_m, true, kBodyM);
+      const auto a = place.clearance_cache.measure(place.mirror, place.lattice, place.bound, travelled_m, kBodyM);
+      const auto b = fresh.measure(place.mirror, place.lattice, place.bound, fresh_m, kBodyM);
       ASSERT_TRUE(std::ranges::equal(a, b)) << i;
       ASSERT_EQ(travelled_m, fresh_m) << i;
       const uint64_t cells = place.lattice.size();
@@ -184,9 +184,9 @@ TEST(ClearanceCache, LeavesOutWhatMoves) {
   Place still, moving;
   moving.grow(true);
   const auto a =
-      still.clearance_cache.measure(still.mirror, still.lattice, still.bound, still.position_m, true, kBodyM);
+      still.clearance_cache.measure(still.mirror, still.lattice, still.bound, still.position_m, kBodyM);
   const auto b =
-      moving.clearance_cache.measure(moving.mirror, moving.lattice, moving.bound, moving.position_m, true, kBodyM);
+      moving.clearance_cache.measure(moving.mirror, moving.lattice, moving.bound, moving.position_m, kBodyM);
   EXPECT_TRUE(std::equal(a.begin(), a.end(), b.begin(), b.end()));
 }
 
@@ -194,7 +194,7 @@ TEST(ClearanceCache, EndsWhereItIsCutOff) {
   Place place;
   for (uint64_t id = 1; id <= 5; ++id) place.remove(id);
   for (const float clearance :
-       place.clearance_cache.measure(place.mirror, place.lattice, place.bound, place.position_m, true, kBodyM))
+       place.clearance_cache.measure(place.mirror, place.lattice, place.bound, place.position_m, kBodyM))
     EXPECT_EQ(clearance, static_cast<float>(place.reach_m()));
   place.expect_exact();
 }
@@ -207,7 +207,7 @@ TEST(ClearanceCache, SeesFartherThanTheBodyIsWide) {
   for (uint64_t id = 1; id <= 5; ++id) place.remove(id);
   for (const double body_m : {0.0, 1.0, 10.0})
     for (const float clearance :
-         place.clearance_cache.measure(place.mirror, place.lattice, place.bound, place.position_m, true, body_m))
+         place.clearance_cache.measure(place.mirror, place.lattice, place.bound, place.position_m, body_m))
       EXPECT_GT(clearance, body_m);
 }
 
@@ -219,8 +219,8 @@ TEST(ClearanceCache, MeasuresAgainForABodyOfAnotherSize) {
   for (const double body_m : {0.1, 0.3, 0.1}) {
     std::vector<glm::dvec3> position_m = place.position_m, fresh_m = place.position_m;
     ClearanceCache fresh;
-    const auto expected = fresh.measure(place.mirror, place.lattice, place.bound, fresh_m, true, body_m);
-    const auto measured = place.clearance_cache.measure(place.mirror, place.lattice, place.bound, position_m, true, body_m);
+    const auto expected = fresh.measure(place.mirror, place.lattice, place.bound, fresh_m, body_m);
+    const auto measured = place.clearance_cache.measure(place.mirror, place.lattice, place.bound, position_m, body_m);
     EXPECT_TRUE(std::equal(measured.begin(), measured.end(), expected.begin(), expected.end())) << body_m;
     EXPECT_EQ(position_m, fresh_m) << body_m;
     moved += fresh.moved().size();
@@ -244,23 +244,11 @@ TEST(ClearanceCache, MovesPlacesToWhereTheBodyFitsInADoorway) {
     ASSERT_GT(lattice.spacing_m(), 0.4) << "coarser than the doorway's free width";
     std::vector<glm::dvec3> position_m = lattice.positions_m();
     ClearanceCache clearance_cache;
-    const auto clearance_m = clearance_cache.measure(mirror, lattice, bound, position_m, true, kBodyM);
+    const auto clearance_m = clearance_cache.measure(mirror, lattice, bound, position_m, kBodyM);
     size_t inside = 0;
     for (size_t i = 0; i < position_m.size(); ++i)
       inside += std::abs(position_m[i].z) < 0.2 && glm::all(glm::lessThan(glm::abs(position_m[i] - door_m), glm::dvec3(kHalfM))) && clearance_m[i] >= kBodyM;
     EXPECT_GT(inside, 0u) << "shifted by " << shift_m;
-  }
-}
-
-// The candidates of the pair volume: fewer or more than the lattice has cells.
-TEST(ClearanceCache, MeasuresPlacesThatAreNotTheLattices) {
-  Place place;
-  for (const size_t count : {size_t{0}, size_t{1}, size_t{20}, size_t{900}}) {
-    place.position_m.clear();
-    for (size_t i = 0; i < count; ++i) place.position_m.push_back(place.bound.center_m + place.draw.vec(0.7));
-    place.expect_exact(false);
-    place.cover();
-    place.expect_exact(true);
   }
 }
 

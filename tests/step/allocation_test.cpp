@@ -7,7 +7,7 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "server/step/paper_settings.h"
+#include "server/paper/paper_settings.h"
 #include "tests/support/world.h"
 
 // glibc's own functions, under the names that it exports for programs that replace them.

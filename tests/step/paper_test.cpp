@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "server/paper/groups.h"
-#include "server/step/paper_settings.h"
+#include "server/paper/paper_settings.h"
 #include "tests/support/world.h"
 
 namespace sightline::test {

@@ -1,6 +1,7 @@
-#include "server/step/paper_settings.h"
+#include "server/paper/paper_settings.h"
 
 namespace sightline {
+
 StepSettings paper_row(Strategy strategy, double prediction_s) {
   StepSettings settings = preset_settings(Preset::kPaper);
   settings.aggregate.filter.mode = FilterMode::kNone;
@@ -15,6 +16,12 @@ StepSettings paper_stability(int a, int n) {
   settings.aggregate.filter.mode = FilterMode::kJoint;
   settings.aggregate.filter.alpha = static_cast<double>(a) / n;
   settings.aggregate.filter.n = n;
+  return settings;
+}
+
+StepSettings agile_stability(int a, int n) {
+  StepSettings settings = paper_stability(a, n);
+  settings.bound.paper_n = 3;
   return settings;
 }
 
