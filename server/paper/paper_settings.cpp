@@ -10,6 +10,12 @@ StepSettings paper_row(Strategy strategy, double prediction_s) {
   return settings;
 }
 
+StepSettings center_row(double prediction_s) {
+  StepSettings settings = paper_row(Strategy::kRobust, prediction_s);
+  settings.move.robust_goal = RobustGoal::kCenter;
+  return settings;
+}
+
 StepSettings paper_stability(int a, int n) {
   StepSettings settings = paper_row(Strategy::kBasic, 0.0);
   if (n == 0) return settings;

@@ -7,6 +7,8 @@ namespace sightline {
 
 // A row of Table 2: this strategy and prediction [0, 2] s (0: none), and no filter over time.
 StepSettings paper_row(Strategy strategy, double prediction_s);
+// The same of RobustMove with its goal as printed, RobustGoal::kCenter.
+StepSettings center_row(double prediction_s);
 // A row of Table 3: Basic without prediction. A candidate is given the state that it had in at least `a` of the last `n` [1, 64]
 // steps; 0/0: no filter.
 StepSettings paper_stability(int a, int n);

@@ -474,6 +474,8 @@ TEST(PaperSettings, AreTheRowsOfThePapersTables) {
     for (const int ms : {100, 300, 500})
       add(std::string(name).append("-").append(std::to_string(ms)), paper_row(strategy, 0.001 * ms));
   }
+  add("center", center_row(0.0));
+  for (const int ms : {100, 300, 500}) add("center-" + std::to_string(ms), center_row(0.001 * ms));
   for (const auto& [a, n] : {std::pair(0, 0), std::pair(3, 5), std::pair(6, 10), std::pair(8, 15)}) {
     const std::string window = std::to_string(a) + "-" + std::to_string(n);
     add("stability-" + window, paper_stability(a, n));

@@ -46,10 +46,18 @@ SECONDS=0
 # Measured first, while nothing else runs.
 "$SIGHTLINE_BIN/step_bench" --frames "$frames" --csv "$raw/table1.csv"
 commands+="step_bench --frames $frames"$'\n'
-paper_settings 'basic|robust'
-evaluate hall --scene hall --truth-every "$paper_every" --policy follow --policy spring-arm --policy raycast --policy sightline
-paper_settings 'stability'
-evaluate fence --scene fence --scene fence-board --truth-every "$paper_every" --policy sightline
+# EGL draws the maps of the paper's tables, as there; Embree is beside it.
+for sampler in egl embree; do
+  of=$([ "$sampler" = egl ] || echo -embree)
+  paper_settings 'basic|robust|center'
+  for scene in hall hall-front; do
+    evaluate "$scene$of" --sampler "$sampler" --scene "$scene" --truth-every "$paper_every" --policy follow --policy spring-arm --policy raycast --policy sightline
+  done
+  paper_settings 'stability'
+  evaluate "fence$of" --sampler "$sampler" --scene fence --scene fence-board --truth-every "$paper_every" --policy sightline
+  paper_settings 'agile'
+  evaluate "agile$of" --sampler "$sampler" --scene fence-agile --truth-every "$paper_every" --policy sightline
+done
 settings=() shown=""
 evaluate scenes --truth-every "$scenes_every"
 level_groups=(--group levels)

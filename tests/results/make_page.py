@@ -5,7 +5,8 @@
     make_page.py [FOLDER] --raw DIR --how KEY=VALUE ...
 
 With --raw, the page's tables and plots are first made anew from what make.sh measured: DIR/table1.csv by step_bench, and the folders
-DIR/hall, DIR/fence, DIR/scenes, DIR/levels and DIR/ceiling by `sightline evaluate`. The last two may be missing. HOW says how it was measured.
+DIR/hall, DIR/hall-front, DIR/fence and DIR/agile, the same with -embree, DIR/scenes, DIR/levels and DIR/ceiling by `sightline evaluate`. Any but
+hall and fence may be missing; then the page keeps the tables that it has. HOW says how it was measured.
 """
 import argparse
 import json
@@ -20,6 +21,7 @@ from scene_tables import ceiling_part, scenes_part
 from svg_plots import bar_plot, strip_plot
 
 PAPER_TABLES = ("table1.csv", "table2.csv", "table3.csv")
+MORE_TABLES = ("table2-front.csv", "table3-agile.csv")
 RUN_COLUMNS = ("scene", "seed", "targets", "policy", "pictures", "joint_visible_share", "all_seen", "r_n", "r_p",
                "r_p_tolerant", "mean_hidden_share", "episodes", "longest_blind_s", "longest_blind_with_way_s",
                "sustained_occlusions", "mean_reaction_s", "turns", "mean_turn_answer_s", "d_c_m", "d_s_heights",
@@ -37,17 +39,28 @@ HOW_KEYS = ("commands", "rate_hz", "seeds", "level_seeds", "paper_every", "scene
 
 def take_over(folder, raw, how):
     (folder / "plots").mkdir(parents=True, exist_ok=True)
-    made = (table1(read_table(raw / "table1.csv")), table2(read_runs(raw / "hall")), table3(read_runs(raw / "fence")))
-    for name, rows in zip(PAPER_TABLES, made):
+    runs_of = lambda name: read_runs(raw / name) if (raw / name).exists() else []
+    made = {"table2.csv": table2(runs_of("hall"), runs_of("hall-embree")), "table3.csv": table3(runs_of("fence"), runs_of("fence-embree"))}
+    if (raw / "table1.csv").exists():
+        made["table1.csv"] = table1(read_table(raw / "table1.csv"))
+    if (raw / "hall-front").exists():
+        made["table2-front.csv"] = table2(runs_of("hall-front"), runs_of("hall-front-embree"), "hall-front")
+    if (raw / "agile").exists():
+        made["table3-agile.csv"] = table3(runs_of("agile"), runs_of("agile-embree"), "fence-agile", "agile")
+    for name, rows in made.items():
         write_table(folder / name, list(rows[0]), rows)
-    runs = read_table(raw / "scenes" / "runs.csv")
-    write_table(folder / "scenes.csv", RUN_COLUMNS, runs)
+    plots = {"table2-r_n.svg": models_plot(runs_of("hall")), "table3-offset.svg": offsets_plot(read_table(raw / "fence" / "pictures.csv"))}
+    if (raw / "agile").exists():
+        plots["table3-agile-offset.svg"] = offsets_plot(read_table(raw / "agile" / "pictures.csv"), "fence-agile", "agile")
+    if (raw / "scenes").exists():
+        runs = read_table(raw / "scenes" / "runs.csv")
+        write_table(folder / "scenes.csv", RUN_COLUMNS, runs)
+        plots["bars-joint_visible_share.svg"] = joint_plot(runs)
+        plots["hall-s1-share.svg"] = shares_plot(read_table(raw / "scenes" / "pictures.csv"))
     if (raw / "ceiling").exists():
         write_table(folder / "ceiling.csv", CEILING_COLUMNS, select(read_table(raw / "ceiling" / "runs.csv"), policy="ceiling"))
     if (raw / "levels").exists():
         write_table(folder / "levels.csv", LEVEL_COLUMNS, read_table(raw / "levels" / "runs.csv"))
-    plots = {"table2-r_n.svg": models_plot(read_runs(raw / "hall")), "table3-offset.svg": offsets_plot(read_table(raw / "fence" / "pictures.csv")),
-             "bars-joint_visible_share.svg": joint_plot(runs), "hall-s1-share.svg": shares_plot(read_table(raw / "scenes" / "pictures.csv"))}
     for name, plot in plots.items():
         (folder / "plots" / name).write_text(plot, encoding="utf-8")
     (folder / "how.json").write_text(json.dumps(how, indent=2) + "\n", encoding="utf-8")
@@ -66,14 +79,14 @@ def joint_plot(runs):
     return bar_plot("Share of pictures with all targets visible to 95 %", groups)
 
 
-def offsets_plot(pictures):
+def offsets_plot(pictures, scene="fence", prefix="stability"):
     strips = {}
     for policy, stability, *_ in STABILITIES:
-        rows = select(pictures, scene="fence", seed=1.0, policy=policy)
+        rows = select(pictures, scene=scene, seed=1.0, policy=policy.replace("stability", prefix))
         places = [tuple(row[f"camera_{axis}_m"] for axis in "xyz") for row in rows]
         offsets = [(row["time_s"], math.dist(place, places[0])) for row, place in zip(rows, places)]
         strips[stability] = (f"at most {max(value for _, value in offsets):.3g} m", offsets)
-    return strip_plot("fence, seed 1: distance of the camera from its start", "m", strips)
+    return strip_plot(scene + ", seed 1: distance of the camera from its start", "m", strips)
 
 
 def shares_plot(pictures):
@@ -93,8 +106,9 @@ def make_page(folder):
     times, models, stabilities = (read_table(folder / name) for name in PAPER_TABLES)
     runs = read_table(folder / "scenes.csv")
     ceilings = [row for row in measured_ceilings(folder) if row["scene"] in distinct(runs, "scene")]
+    front, agile = (read_table(folder / name) if (folder / name).exists() else [] for name in MORE_TABLES)
     parts = [introduction(how, times), claims_part(times, models, stabilities, scene_claims(runs, ceilings, former_runs(folder, "scenes")), former_costs(folder)), notes_part(folder), table1_part(times),
-             table2_part(models), table3_part(stabilities), scenes_part(runs), *ceiling_part(ceilings, runs), reports_part(runs)]
+             table2_part(models, front), table3_part(stabilities, agile), scenes_part(runs), *ceiling_part(ceilings, runs), reports_part(runs)]
     return "\n".join(parts)
 
 
@@ -157,7 +171,7 @@ def claims_part(times, models, stabilities, of_scenes, former_costs):
 def table1_part(times):
     text = """## Table 1: what a step costs
 
-The city has 280 K triangles and two targets; maps have r x r texels, and there are about r³ candidates. Nothing else ran. Times are medians in
+The city has 280 K triangles and two targets; maps have r x r texels, and there are about r³ candidates; of pair volumes at most r³. Nothing else ran. Times are medians in
 milliseconds, with the 95th percentile in brackets. *Longest* is the longest step, with the number of medians that it takes in brackets. Each step
 was taken three times for it, and the shortest time counts, because the machine interrupts a step now and then. *paper* is the preset paper with Basic,
 without filter and prediction. *sightline* is the default with about r³ candidates, and *default* the default as it is. Render, intersect and select
@@ -184,32 +198,43 @@ def longest_step(row):
 
 # ---- table 2 ----
 
-def table2_part(models):
-    rows = [[model_name(row), percent(row["r_n_mean"]), over_seeds(row, "r_n", 2, 100), percent(row["paper_r_n"]),
+def table2_part(models, front):
+    text = """## Table 2: strategies and predictions
+
+The scene is the hall: two targets walk beside each other, and the camera is behind them. r_N: no pixel of any target is visible. r_P: some pixel is
+visible, but a target is partly hidden or outside the picture. The first figure of each is over all frames of all seeds; then follows the median over
+seeds with the least and the greatest value. The paper's eight rows have no filter over time; the others are for comparison. *RobustMove* goes to the
+member of the largest group that is farthest from hidden places, *RobustMove, centre* to the group's centre, as printed. *Pair volume*: share of the
+steps whose candidates are those of a pair volume. *Shot kept*: share of the frames in which side, height, size and place each deviate from the first
+frame's by at most 0.5, where 1 is the limit; *deviation* is the mean over all four. The step's time includes the scene's own movement and was taken
+while other runs went on.
+
+""" + table2_rows(models) + "\n" + image("table2-r_n.svg", "r_N by model")
+    if front:
+        text += """
+The same hall seen from before the targets (`hall-front`):
+
+""" + table2_rows(front) + "\n"
+    return text
+
+
+def table2_rows(models):
+    rows = [[model_name(row), percent(row["r_n_mean"]), over_seeds(row, "r_n", 2, 100), percent(row["paper_r_n"]), percent(row.get("embree_r_n_mean")),
              percent(row["r_p_mean"]), over_seeds(row, "r_p", 2, 100), percent(row["paper_r_p"]),
-             percent(row["r_p_tolerant_mean"]), percent(row["mean_hidden_share_mean"]), over_seeds(row, "d_c_m", 1),
-             over_seeds(row, "d_s_heights", 2), number(row["step_time_ms_mean"], 2)] for row in models]
-    return """## Table 2: strategies and predictions
+             percent(row["r_p_tolerant_mean"]), percent(row["mean_hidden_share_mean"]), percent(row.get("pair_volume_share"), 1)] + kept(row) +
+            [over_seeds(row, "d_c_m", 1), over_seeds(row, "d_s_heights", 2), number(row["step_time_ms_mean"], 2)] for row in models]
+    return markdown(["<model", "r_N", "over seeds, %", "paper's r_N", "r_N, Embree", "r_P", "over seeds, %", "paper's r_P", "r_P, 5 % tolerance",
+                     "hidden pixels", "pair volume", "shot kept", "deviation", "acceleration m/s²", "d_c m", "d_s heights", "step ms"], rows)
 
-The scene is the hall. r_N: no pixel of any target is visible. r_P: some pixel is visible, but a target is partly hidden or outside the picture.
-The first figure of each is over all frames of all seeds; then follows the median over seeds with the least and the greatest value. The paper's
-eight rows have no filter over time; the others are for comparison. The step's time includes the scene's own movement and was taken while other
-runs went on.
 
-""" + markdown(["<model", "r_N", "over seeds, %", "paper's r_N", "r_P", "over seeds, %", "paper's r_P", "r_P, 5 % tolerance",
-                "hidden pixels", "d_c m", "d_s heights", "step ms"], rows) + "\n" + image("table2-r_n.svg", "r_N by model")
+def kept(row):
+    return [percent(row.get("shot_kept_share"), 1), number(row.get("shot_deviation"), 3), number(row.get("mean_acceleration_mps2"), 2)]
 
 
 # ---- table 3 ----
 
-def table3_part(stabilities):
-    rows = [[row["stability"], over_seeds(row, "t_c_ms", 2), number(row["paper_t_c_ms"], 2), over_seeds(row, "d_c_m", 2),
-             over_seeds(row, "d_c_ratio", 2), paper_ratio(stabilities, row, "paper_d_c"), over_seeds(row, "d_s_heights", 2),
-             over_seeds(row, "d_s_ratio", 2), paper_ratio(stabilities, row, "paper_d_s"),
-             percent(row["mean_visible_share_median"], 1), percent(row["joint_visible_share_median"], 1),
-             int(row["occlusions"]), number(row["mean_reaction_s"], 3), number(row["p95_reaction_s"], 3)]
-            for row in stabilities]
-    return """## Table 3: stability
+def table3_part(stabilities, agile):
+    text = """## Table 3: stability
 
 The scene is the fence. The rows are Basic without prediction under the paper's filters, and the default. Figures are medians over seeds with the
 least and the greatest value. The columns *falls* say by how many times d_c and d_s are smaller than without a filter at the same seed. A camera
@@ -217,9 +242,27 @@ that never moves has the greatest fall. The table therefore also shows what the 
 scene `fence-board`, a board comes up before the targets and stays. The reaction is the time until the camera's velocity changes by 0.25 m/s or until it
 sees the target again; all seeds count together.
 
-""" + markdown(["<stability", "t_c ms", "paper's", "d_c m", "falls", "paper's", "d_s heights", "falls", "paper's", "visible share",
-                "joint", "sustained occlusions", "mean reaction s", "p95 s"], rows) + "\n" + image(
-                    "table3-offset.svg", "Distance of the camera from its start, by stability")
+""" + table3_rows(stabilities, True) + "\n" + image("table3-offset.svg", "Distance of the camera from its start, by stability")
+    if agile:
+        text += """
+A camera that accelerates by 10 m/s² has hardly begun to move when a picket has passed, so it moves by decimetres. In the paper the camera may be anywhere
+in the bound at the next frame. In the scene `fence-agile` it may accelerate by 1,000 m/s², and the pickets are 7 cm wide instead of 4. The bound is as
+large as before (`bound.paper_n` is 3 instead of 300).
+
+""" + table3_rows(agile, False) + "\n" + image("table3-agile-offset.svg", "Distance of the camera without inertia from its start, by stability")
+    return text
+
+
+def table3_rows(stabilities, with_reactions):
+    rows = [[row["stability"], over_seeds(row, "t_c_ms", 2), number(row["paper_t_c_ms"], 2), over_seeds(row, "d_c_m", 2),
+             over_seeds(row, "d_c_ratio", 2), paper_ratio(stabilities, row, "paper_d_c"), number(row.get("embree_d_c_m_mean"), 2), over_seeds(row, "d_s_heights", 2),
+             over_seeds(row, "d_s_ratio", 2), paper_ratio(stabilities, row, "paper_d_s"), percent(row.get("pair_volume_share"), 1)] + kept(row) +
+            [percent(row["mean_visible_share_median"], 1), percent(row["joint_visible_share_median"], 1)] +
+            ([int(row["occlusions"]), number(row["mean_reaction_s"], 3), number(row["p95_reaction_s"], 3)] if with_reactions else [])
+            for row in stabilities]
+    columns = ["<stability", "t_c ms", "paper's", "d_c m", "falls", "paper's", "d_c m, Embree, mean", "d_s heights", "falls", "paper's", "pair volume", "shot kept",
+               "deviation", "acceleration m/s²", "visible share", "joint"]
+    return markdown(columns + (["sustained occlusions", "mean reaction s", "p95 s"] if with_reactions else []), rows) + "\n"
 
 
 def paper_ratio(stabilities, row, name):

@@ -101,10 +101,23 @@ class PaperTables(unittest.TestCase):
         runs = [run("hall", "robust-300", seed, 0.5, 0.0, r_n=r_n, pictures=10.0, step_ms=1.0) for seed, r_n in ((1.0, 0.25), (2.0, 0.75))]
         rows = paper_tables.table2(runs + [run("fence", "robust-300", 1.0, 0.5, 0.0, r_n=9.0, step_ms=1.0)])
         self.assertEqual([row["paper_r_n"] for row in rows],
-                         [0.1232, 0.0747, 0.0332, 0.0112, 0.0502, 0.0059, 0.0, 0.0141, None, None, None, None])
+                         [0.1232, 0.0747, 0.0332, 0.0112, 0.0502, 0.0059, 0.0, 0.0141] + 8 * [None])
         row = figures.find(rows, model="RobustMove", prediction_ms=300)
         self.assertEqual((row["r_n_mean"], row["r_n_least"], row["pictures"], row["runs"]), (0.5, 0.25, 20, 2))
         self.assertIsNone(figures.find(rows, model="Basic", prediction_ms=0)["r_n_mean"])
+
+    def test_table_2_has_the_other_sampler_and_the_shot_beside(self):
+        runs = [run("hall-front", "center", seed, 0.5, 0.0, r_n=0.5, pictures=10.0, step_ms=1.0, pair_volume_share=share, shot_kept_share=0.25)
+                for seed, share in ((1.0, 0.5), (2.0, 1.0))]
+        embree = [run("hall-front", "center", 1.0, 0.5, 0.0, r_n=0.125), run("hall-front", "robust", 1.0, 0.5, 0.0, r_n=0.75)]
+        row = figures.find(paper_tables.table2(runs, embree, "hall-front"), model="RobustMove, centre", prediction_ms=0)
+        self.assertEqual((row["r_n_mean"], row["embree_r_n_mean"], row["pair_volume_share"], row["shot_kept_share"]), (0.5, 0.125, 0.75, 0.25))
+
+    def test_table_3_can_be_of_another_fence(self):
+        runs = [run("fence-agile", policy, 1.0, 0.5, 0.0, d_c_m=d_c, d_s_heights=1.0, step_ms=1.0, mean_visible_share=1.0)
+                for policy, d_c in (("agile-0-0", 20.0), ("agile-6-10", 2.0), ("stability-6-10", 5.0))]
+        row = figures.find(paper_tables.table3(runs, [], "fence-agile", "agile"), stability="6/10")
+        self.assertEqual((row["d_c_ratio_median"], row["paper_d_c"], row["occlusions"]), (10.0, 4.1, 0))
 
     def test_table_3_divides_seed_by_seed_and_pools_the_reactions_to_the_board(self):
         fence = lambda seed, policy, d_c, d_s: run("fence", policy, seed, 0.5, 0.0, d_c_m=d_c, d_s_heights=d_s, step_ms=1.0,
@@ -393,7 +406,7 @@ class Levels(unittest.TestCase):
 class Page(unittest.TestCase):
     def make_raw(self, raw):
         """What make.sh leaves: rows by name of policy, every figure the same for all."""
-        for folder in ("hall", "fence", "scenes"):
+        for folder in ("hall", "hall-front", "fence", "agile", "agile-embree", "scenes"):
             (raw / folder).mkdir(parents=True)
         timing = {"sampler": "embree", "renderer": "rays, by the CPU", "settings": "paper", "r": 5, "frames": 10, "samples": 100}
         for stage in ("sample", "aggregate", "move", "total"):
@@ -409,6 +422,11 @@ class Page(unittest.TestCase):
         self.write_pictures(raw / "scenes", {"hall"}, ("follow", "sightline"))
         self.write_runs(raw / "hall", {"hall"}, [policy for policy, *_ in paper_tables.MODELS])
         self.write_runs(raw / "fence", {"fence", "fence-board"}, [policy for policy, *_ in paper_tables.STABILITIES])
+        agile = [policy.replace("stability", "agile") for policy, *_ in paper_tables.STABILITIES]
+        self.write_runs(raw / "hall-front", {"hall-front"}, [policy for policy, *_ in paper_tables.MODELS])
+        self.write_runs(raw / "agile", {"fence-agile"}, agile)
+        self.write_runs(raw / "agile-embree", {"fence-agile"}, agile)
+        self.write_pictures(raw / "agile", {"fence-agile"}, agile)
         self.write_pictures(raw / "fence", {"fence"}, [policy for policy, *_ in paper_tables.STABILITIES])
 
     def write_runs(self, folder, scenes, policies):
@@ -441,7 +459,7 @@ class Page(unittest.TestCase):
             self.assertIn("| hall | sightline | 90.0 % | 0.0 % | 1.0 |", page)
             self.assertIn("| hall | sightline | 0 | 0 | 12.0 | 10.0 % | 1.0 % | 100 | 400 | 0.25 | 1.50 |", page)
             self.assertIn("| 20.0 % | 0.50 % | 60.0 % | 2.00 % |", page)
-            self.assertEqual(page.count("!["), 4)
+            self.assertEqual(page.count("!["), 5)
             for line in page.splitlines():
                 if line.startswith("!["):
                     self.assertTrue((path / "page" / line.split("(")[1].rstrip(")")).is_file(), line)

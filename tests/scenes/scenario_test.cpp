@@ -38,8 +38,9 @@ void PrintTo(const Case& c, std::ostream* out) {
 
 std::vector<Case> all_cases() {
   std::vector<Case> cases;
-  for (const CatalogEntry* entry : scenes_of(SceneGroup::kStudy))
-    for (uint64_t seed : {1, 2, 77}) cases.push_back({entry->name, seed});
+  for (const SceneGroup group : {SceneGroup::kStudy, SceneGroup::kPaper})
+    for (const CatalogEntry* entry : scenes_of(group))
+      for (uint64_t seed : {1, 2, 77}) cases.push_back({entry->name, seed});
   return cases;
 }
 
@@ -371,10 +372,21 @@ glm::dvec3 eye_behind_targets(const Stage& stage, double time_s) {
   return stage.pose_of(stage.with_role("camera")[0], 0).position_m - middle(0) + middle(time_s);
 }
 
+TEST(Hall, FromTheFrontTheCameraFacesTheTargets) {
+  const Stage stage(make_hall({.from_front = true}));
+  const Pose camera = stage.pose_of(stage.with_role("camera")[0], 0);
+  for (const Role& target : stage.with_role("target")) {
+    const glm::dvec3 walks_m = stage.pose_of(target, 0.5).position_m - stage.pose_of(target, 0).position_m;
+    EXPECT_GT(glm::dot(camera.position_m - stage.pose_of(target, 0).position_m, glm::normalize(walks_m)), 4.5) << target.name;
+  }
+}
+
 // The time from the first tick at which the curtain hides the chest of one target to the first at which it hides both.
 TEST(Hall, CurtainsHideBothTargetsSuddenlyAndAreDrawnInSightLongBefore) {
-  for (uint64_t seed : {1, 2, 3, 4, 5}) {
-    Stage stage(make_hall({.seed = seed}));
+  for (const auto& [seed, from_front] : {std::pair(1, false), std::pair(2, false), std::pair(3, false), std::pair(4, false), std::pair(5, false), std::pair(1, true),
+                                         std::pair(2, true), std::pair(3, true)}) {
+    SCOPED_TRACE(from_front ? "from the front" : "from behind");
+    Stage stage(make_hall({.seed = static_cast<uint64_t>(seed), .from_front = from_front}));
     EmbreeDevice device;
     EmbreeScene occluders(device, EmbreeScene::Content::kOccluders);
     const std::vector<Role> targets = stage.with_role("target"), curtains = stage.with_role("occluder");

@@ -81,33 +81,59 @@ class TimedRays {
     if (!keep) return;
     track.total_ms.push_back(took_ms);
     track.candidates = seen_.size();
-    agreements_ += agreement(seen_, clear_of_surfaces(), dump, targets.size());
-    track.agreement = agreements_ / static_cast<double>(track.total_ms.size());
+    const auto frames = static_cast<double>(track.total_ms.size());
+    find_clear_of_surfaces(place_m_);
+    agreements_ += agreement(seen_, clear_, dump, targets.size());
+    track.agreement = agreements_ / frames;
+    agreements_on_rays_ += agreement_on_rays(dump);
+    track.agreement_on_rays = agreements_on_rays_ / frames;
   }
   Track track;
 
  private:
-  // Which rays answer the same when they end 1 cm before or beyond the candidate. A candidate on a surface, as a layer of the lattice is in level
+  // Finds which rays answer the same when they end 1 cm before or beyond the place. A place on a surface, as a layer of the lattice is in level
   // ground, is neither hidden nor visible: rounding decides.
-  const std::vector<uint32_t>& clear_of_surfaces() {
+  void find_clear_of_surfaces(const std::vector<glm::dvec3>& place_m) {
+    clear_.assign(place_m.size(), 0);
+    for (size_t t = 0; t < from_.size(); ++t) clear_of_surfaces(place_m, t);
+  }
+  void clear_of_surfaces(const std::vector<glm::dvec3>& place_m, size_t t) {
     constexpr double kMargin_m = 0.01;
+    for (const double beyond_m : {-kMargin_m, kMargin_m}) {
+      moved_m_ = place_m;
+      for (glm::dvec3& moved_m : moved_m_) moved_m += beyond_m * glm::normalize(moved_m - from_[t].aim_m);
+      peer_->look(std::span(&from_[t], 1), moved_m_, beyond_m < 0 ? before_ : behind_);
+    }
+    for (size_t k = 0; k < clear_.size(); ++k) clear_[k] |= static_cast<uint32_t>(before_[k] == behind_[k]) << t;
+  }
+
+  // The same at places that are moved onto the map's nearest ray, at their distance. There the map has no error of resolution.
+  double agreement_on_rays(const StepDump& dump) {
+    std::vector<uint32_t> on_ray_seen(place_m_.size(), 0);
+    std::vector<glm::dvec3> on_ray_m = place_m_;
     clear_.assign(place_m_.size(), 0);
     for (size_t t = 0; t < from_.size(); ++t) {
-      for (const double beyond_m : {-kMargin_m, kMargin_m}) {
-        moved_m_ = place_m_;
-        for (glm::dvec3& place_m : moved_m_) place_m += beyond_m * glm::normalize(place_m - from_[t].aim_m);
-        peer_->look(std::span(&from_[t], 1), moved_m_, beyond_m < 0 ? before_ : behind_);
+      const MapRange& maps = dump.plan.now.maps_of_point[dump.plan.now.points_of_target[t].first];
+      if (maps.count != 1) continue;
+      const MapView& view = dump.plan.views[maps.first];
+      for (size_t k = 0; k < place_m_.size(); ++k) {
+        const MapPoint at = project(view, place_m_[k]);
+        const glm::dvec3 direction =
+            texel_direction(view, nearest_ray(at.x, view.jitter.x, view.width), nearest_ray(at.y, view.jitter.y, view.height));
+        on_ray_m[k] = view.eye_m + glm::distance(place_m_[k], view.eye_m) * glm::normalize(direction);
       }
-      for (size_t k = 0; k < clear_.size(); ++k) clear_[k] |= static_cast<uint32_t>(before_[k] == behind_[k]) << t;
+      peer_->look(std::span(&from_[t], 1), on_ray_m, on_ray_);
+      for (size_t k = 0; k < place_m_.size(); ++k) on_ray_seen[k] |= on_ray_[k] << t;
+      clear_of_surfaces(on_ray_m, t);
     }
-    return clear_;
+    return agreement(on_ray_seen, clear_, dump, from_.size());
   }
 
   std::unique_ptr<RayPeer> peer_;
   std::vector<SeenFrom> from_;
   std::vector<glm::dvec3> place_m_, moved_m_;
-  std::vector<uint32_t> seen_, before_, behind_, clear_;
-  double agreements_ = 0;
+  std::vector<uint32_t> seen_, before_, behind_, clear_, on_ray_;
+  double agreements_ = 0, agreements_on_rays_ = 0;
 };
 
 class TimedDrawing {

@@ -27,6 +27,10 @@ double median_of_block(const std::vector<double>& values, size_t block) {
       {values.begin() + static_cast<ptrdiff_t>(first), values.begin() + static_cast<ptrdiff_t>(end)}, 0.5);
 }
 
+std::string share_text(double share) {
+  return share < 0 ? "" : std::to_string(share);
+}
+
 }  // namespace
 
 double now_ms() {
@@ -67,7 +71,7 @@ bool Tables::open(const std::string& folder) {
   if (!rows_ || !ratios_) return false;
   std::fprintf(rows_,
                "section,x,row,frames,candidates,p50_ms,p5_ms,p95_ms,p99_ms,scene_p50_ms,sample_p50_ms,"
-               "aggregate_p50_ms,move_p50_ms,agreement\n");
+               "aggregate_p50_ms,move_p50_ms,agreement,agreement_on_rays\n");
   std::fprintf(ratios_, "section,x,ours,other,ratio,least,greatest\n");
   return true;
 }
@@ -79,11 +83,11 @@ Tables::~Tables() {
 
 void Tables::row(const std::string& section, double x, const Track& t) {
   const double p50 = quantile(t.total_ms, 0.5), p95 = quantile(t.total_ms, 0.95);
-  std::fprintf(rows_, "%s,%.0f,%s,%zu,%zu,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%s\n", section.c_str(), x,
+  std::fprintf(rows_, "%s,%.0f,%s,%zu,%zu,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%s,%s\n", section.c_str(), x,
                t.name.c_str(), t.total_ms.size(), t.candidates, p50, quantile(t.total_ms, 0.05), p95,
                quantile(t.total_ms, 0.99), quantile(t.scene_ms, 0.5), quantile(t.sample_ms, 0.5),
                quantile(t.aggregate_ms, 0.5), quantile(t.move_ms, 0.5),
-               t.agreement < 0 ? "" : std::to_string(t.agreement).c_str());
+               share_text(t.agreement).c_str(), share_text(t.agreement_on_rays).c_str());
   std::fflush(rows_);
   std::printf("%-18s %10.0f  %-22s p50 %9.4f ms  p95 %9.4f\n", section.c_str(), x, t.name.c_str(), p50, p95);
   std::fflush(stdout);

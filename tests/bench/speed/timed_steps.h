@@ -16,8 +16,9 @@ struct Track {
   std::string name;
   std::vector<double> total_ms, sample_ms, aggregate_ms, move_ms, scene_ms;
   size_t candidates = 0;
-  double agreement =
-      -1;  // share of candidates x targets on which a peer agrees with the step of the same frame; -1: not measured
+  // Share of the candidates x targets on which a peer agrees with the step of the same frame, without candidates that lie on a surface; and the
+  // same with the peer's rays along the map's own. -1: not measured.
+  double agreement = -1, agreement_on_rays = -1;
 };
 
 // The scene of the steps. References must outlive the steps.

@@ -100,7 +100,9 @@ game already has. *default* is our default strategy, which looks ahead, searches
     text += "\nTime by stage, medians:\n\n" + stages_table(select(rows, section="peers") + select(rows, section="default"))
     agree = [row["agreement"] for row in rows if row["agreement"] is not None]
     if agree:
-        text += f"\nThe peers' rays and our maps agree on at least {100 * min(agree):.2f} % of all candidates and targets.\n"
+        text += f"\nThe peers' rays and our maps agree on at least {100 * min(agree):.2f} % of all candidates and targets"
+        on_rays = [row["agreement_on_rays"] for row in rows if row.get("agreement_on_rays") is not None]
+        text += f", and where a candidate lies on a ray of the map on at least {100 * min(on_rays):.2f} %.\n" if on_rays else ".\n"
     return text
 
 
