@@ -4,6 +4,7 @@
 #include <charconv>
 #include <iterator>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
 #include "client/base/text_table.h"
 
@@ -25,6 +26,9 @@ constexpr Column kAnswerColumns[] = {
     {"shot_deviation_height", [](const Run& r) { return r.coherence.mean.height; }},
     {"shot_deviation_size", [](const Run& r) { return r.coherence.mean.size; }},
     {"shot_deviation_place", [](const Run& r) { return r.coherence.mean.place; }},
+    {"asked_height_rad", [](const Run& r) { return r.coherence.asked_height_rad; }},
+    {"median_height_rad", [](const Run& r) { return r.coherence.median_height_rad; }},
+    {"high_share", [](const Run& r) { return r.coherence.high_share; }},
     {"mean_acceleration_mps2", [](const Run& r) { return r.coherence.mean_acceleration_mps2; }},
     {"turns", [](const Run& r) { return double(r.turns.turns); }},
     {"mean_turn_answer_s", [](const Run& r) { return r.turns.mean_answer_s; }},
@@ -79,7 +83,10 @@ constexpr OptionalColumns kOptionalColumns[] = {
 
 constexpr std::string_view kLegend = R"(
 Means over seeds. Collisions and violations are frames, summed over seeds; blind and with way are the longest of any seed.
-  joint           share of pictures in which every target is visible to 95 %
+  joint           share of pictures in which the part of every target that is inside is visible to 95 %
+  whole           share of pictures in which every target is visible to 95 %, and 95 % of its outline are inside
+  size            height of the largest target in picture heights, 95th percentile; from 1 on it is cut off
+  asked, height   elevation of the camera over the targets in degrees: in the first frame, and the median
   of ceiling      joint as a share of what the policy ceiling reaches
   at most         upper estimate of the joint share of any camera
   r_N             share of pictures without a visible pixel of any target
@@ -169,6 +176,10 @@ double greatest(const Group& group, Value value) {
   return most;
 }
 
+double degrees(double rad) {
+  return rad * 180 / std::numbers::pi;
+}
+
 std::string percent(double share) {
   return formatted("%.2f %%", 100 * share);
 }
@@ -220,6 +231,10 @@ void print_summary(std::ostream& out, std::span<const Run> runs) {
                {"policy"},
                {"runs", true},
                {"joint", true},
+               {"whole", true},
+               {"size", true},
+               {"asked", true},
+               {"height", true},
                {"of ceiling", true},
                {"at most", true},
                {"r_N", true},
@@ -248,6 +263,10 @@ void print_summary(std::ostream& out, std::span<const Run> runs) {
     const auto total = [&](auto value) { return formatted("%.0f", sum(group, value)); };
     table.row({printable(group.front()->scene), group.front()->policy, std::to_string(group.size()),
                percent(mean(group, [](const Run& r) { return r.metrics.joint_visible_share(); })),
+               percent(mean(group, [](const Run& r) { return r.metrics.joint_whole_share; })),
+               of("%.2f", [](const Run& r) { return r.metrics.p95_size_pictures; }),
+               of("%.0f", [](const Run& r) { return degrees(r.coherence.asked_height_rad); }),
+               of("%.0f", [](const Run& r) { return degrees(r.coherence.median_height_rad); }),
                share_of_ceiling(group, groups),
                group.front()->most_joint ? percent(mean(group, [](const Run& r) { return *r.most_joint; })) : "",
                percent(mean(group, [](const Run& r) { return r.metrics.r_n; })),

@@ -132,7 +132,7 @@ class PanelPainter {
       if (truth.targets[k].alone_pixels == 0)
         std::snprintf(text, sizeof text, "out");
       else
-        std::snprintf(text, sizeof text, "%.0f %%", 100 * truth.targets[k].visible_share());
+        std::snprintf(text, sizeof text, "%.0f %%", 100 * truth.targets[k].whole_share());
       x = write(x + 14, text, colour_of(k));
     }
   }

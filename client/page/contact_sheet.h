@@ -15,7 +15,7 @@ struct ContactSheetOptions {
 };
 
 // Every target has a colour and an outline in that colour. The outline shows through occluders, and the hidden part is
-// hatched. Each panel has a caption with the time and each target's visible share. `frames` must not be empty; `world` is
+// hatched. Each panel has a caption with the time and the share of each target's whole body that the picture shows. `frames` must not be empty; `world` is
 // left at the last time.
 Picture contact_sheet(ScenarioWorld& world, std::span<const CameraFrame> frames,
                       const ContactSheetOptions& options = {});

@@ -59,6 +59,7 @@ std::vector<FigureRow> truth_rows(const RunMetrics& run, const std::optional<Run
   for (size_t k = 0; run.pictures > 0 && k < run.targets.size(); ++k) {
     const std::string& name = run.targets[k].name;
     row("mean visible share: " + name, [k](const Run& m) { return percent(m.targets[k].mean_visible_share); });
+    row("mean share of the whole body: " + name, [k](const Run& m) { return percent(m.targets[k].mean_whole_share); });
     row("in frame: " + name, [k](const Run& m) { return percent(m.targets[k].in_frame_share); });
   }
   if (run.pictures > 0) {
@@ -66,7 +67,8 @@ std::vector<FigureRow> truth_rows(const RunMetrics& run, const std::optional<Run
     row("r_P (partly hidden)", [](const Run& m) { return percent(m.r_p); });
     row("r_P with 5 % tolerance", [](const Run& m) { return percent(m.r_p_tolerant); });
     row("all targets seen (a pixel of each)", [](const Run& m) { return percent(m.all_seen); });
-    row("all targets clear (95 % of each)", [](const Run& m) { return percent(m.joint_visible_share()); });
+    row("all targets whole (95 % of each seen in the picture)", [](const Run& m) { return percent(m.joint_whole_share); });
+    row("all targets clear (95 % of the part inside)", [](const Run& m) { return percent(m.joint_visible_share()); });
   }
   row("body collisions (frames)", [](const Run& m) { return std::to_string(m.body_collisions); });
   row("least clearance", [](const Run& m) { return formatted("%.2f m", m.least_clearance_m); });

@@ -5,6 +5,7 @@
 #include <limits>
 #include <numbers>
 
+#include "client/truth/metrics.h"
 #include "client/truth/motion.h"
 
 namespace sightline {
@@ -48,13 +49,19 @@ CoherenceMetrics coherence_of(std::span<const CameraFrame> frames, std::span<con
   CoherenceMetrics metrics;
   if (frames.empty()) return metrics;
   const ShotProperties asked = shot_properties(frames[0], centers_m[0]);
+  std::vector<double> heights_rad;
   for (size_t i = 0; i < frames.size(); ++i) {
-    const ShotDeviation now = deviation_between(asked, shot_properties(frames[i], centers_m[i]));
+    const ShotProperties shot = shot_properties(frames[i], centers_m[i]);
+    const ShotDeviation now = deviation_between(asked, shot);
+    heights_rad.push_back(shot.height_rad);
+    metrics.high_share += shot.height_rad > kHighRad;
     metrics.mean.side += now.side, metrics.mean.height += now.height, metrics.mean.size += now.size, metrics.mean.place += now.place;
     metrics.kept_share += std::max({now.side, now.height, now.size, now.place}) <= 0.5;
   }
   const auto count = static_cast<double>(frames.size());
-  for (double* const sum : {&metrics.mean.side, &metrics.mean.height, &metrics.mean.size, &metrics.mean.place, &metrics.kept_share}) *sum /= count;
+  for (double* const sum : {&metrics.mean.side, &metrics.mean.height, &metrics.mean.size, &metrics.mean.place, &metrics.kept_share, &metrics.high_share}) *sum /= count;
+  metrics.asked_height_rad = asked.height_rad;
+  metrics.median_height_rad = percentile(std::move(heights_rad), 0.5);
   double changes_mps = 0, time_s = 0;
   const std::vector<MotionSample> motion = motion_of(frames);
   for (size_t i = 1; i < frames.size(); ++i) {

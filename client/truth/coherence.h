@@ -19,6 +19,7 @@ struct FreeBand {
 };
 inline constexpr FreeBand kSideBandRad{0.5235987755982988, 2.0943951023931953};    // 30 and 120 degrees
 inline constexpr FreeBand kHeightBandRad{0.17453292519943295, 0.7853981633974483};  // 10 and 45 degrees
+inline constexpr double kHighRad = 1.0471975511965976;  // 60 degrees: from there on, a picture shows heads and shoulders only
 inline constexpr FreeBand kSizeBandLog2{0.25, 1.5};
 inline constexpr FreeBand kPlaceBandHalfPictures{0.15, 1.0};
 
@@ -40,6 +41,8 @@ ShotDeviation deviation_between(const ShotProperties& asked, const ShotPropertie
 struct CoherenceMetrics {
   ShotDeviation mean;       // over the frames
   double kept_share = 0.0;  // of the frames in which no property deviates by more than half, [0, 1]
+  // Elevations of the camera over the targets' centre: the first frame's, the median over the frames, and the share of them above kHighRad.
+  double asked_height_rad = 0.0, median_height_rad = 0.0, high_share = 0.0;
   // The sum of the changes of the camera's velocity between neighbouring frames, over the time of the run. Frames at a declared jump of
   // the camera are left out.
   double mean_acceleration_mps2 = 0.0;

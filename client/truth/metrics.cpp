@@ -14,6 +14,9 @@ constexpr RunFigure kFigures[] = {
     {"frames", [](const Run& r) { return double(r.frames); }},
     {"pictures", [](const Run& r) { return double(r.pictures); }},
     {"joint_visible_share", [](const Run& r) { return r.joint_visible_share(); }},
+    {"joint_whole_share", [](const Run& r) { return r.joint_whole_share; }},
+    {"mean_whole_share", [](const Run& r) { return r.mean_whole_share; }},
+    {"p95_size_pictures", [](const Run& r) { return r.p95_size_pictures; }},
     {"all_seen", [](const Run& r) { return r.all_seen; }},
     {"mean_visible_share", [](const Run& r) { return r.mean_visible_share; }},
     {"mean_hidden_share", [](const Run& r) { return r.mean_hidden_share; }},
@@ -115,12 +118,14 @@ void add_picture(const PictureTruth& picture, RunMetrics& metrics) {
   metrics.r_p += picture.partly_hidden();
   metrics.r_p_tolerant += picture.partly_hidden(kPartialTolerance);
   metrics.all_seen += picture.all_seen();
+  metrics.joint_whole_share += picture.all_whole();
   for (const TargetTruth& target : picture.targets) {
     const size_t k = index_of(target.id, metrics);
     if (k == metrics.targets.size()) continue;
     TargetMetrics& sums = metrics.targets[k];
     ++sums.pictures;
     sums.mean_visible_share += target.visible_share();
+    sums.mean_whole_share += target.whole_share();
     sums.in_frame_share += target.in_frame;
   }
 }
@@ -129,10 +134,12 @@ void add_picture(const PictureTruth& picture, RunMetrics& metrics) {
 void divide_by_pictures(RunMetrics& metrics) {
   if (metrics.pictures == 0) return;
   const double n = static_cast<double>(metrics.pictures);
-  for (double* sum : {&metrics.r_n, &metrics.r_p, &metrics.r_p_tolerant, &metrics.all_seen}) *sum /= n;
+  for (double* sum : {&metrics.r_n, &metrics.r_p, &metrics.r_p_tolerant, &metrics.all_seen, &metrics.joint_whole_share}) *sum /= n;
   for (TargetMetrics& target : metrics.targets) {
     const double own = static_cast<double>(std::max<size_t>(target.pictures, 1));
     target.mean_visible_share /= own;
+    target.mean_whole_share /= own;
+    metrics.mean_whole_share += target.mean_whole_share / static_cast<double>(metrics.targets.size());
     target.in_frame_share /= own;
     metrics.mean_visible_share += target.mean_visible_share / static_cast<double>(metrics.targets.size());
     metrics.in_frame_share += target.in_frame_share / static_cast<double>(metrics.targets.size());
@@ -141,11 +148,15 @@ void divide_by_pictures(RunMetrics& metrics) {
 
 void add_sight(std::span<const CameraFrame> frames, std::span<const FrameTruth> truths, RunMetrics& metrics) {
   std::vector<std::vector<SightSample>> sights(metrics.targets.size());
+  std::vector<double> sizes_pictures;
   double hidden = 0.0;
   size_t pairs = 0;
   for (size_t i = 0; i < truths.size(); ++i) {
     if (!truths[i].picture) continue;
     add_picture(*truths[i].picture, metrics);
+    double largest_pictures = 0.0;
+    for (const TargetTruth& target : truths[i].picture->targets) largest_pictures = std::max(largest_pictures, target.outline.height_pictures);
+    sizes_pictures.push_back(largest_pictures);
     for (const TargetTruth& target : truths[i].picture->targets) {
       const size_t k = index_of(target.id, metrics);
       if (k == sights.size()) continue;
@@ -157,6 +168,7 @@ void add_sight(std::span<const CameraFrame> frames, std::span<const FrameTruth> 
   }
   divide_by_pictures(metrics);
   metrics.mean_hidden_share = pairs == 0 ? 0.0 : hidden / static_cast<double>(pairs);
+  metrics.p95_size_pictures = percentile(std::move(sizes_pictures), 0.95);
   metrics.episodes = episodes_of(sights);
   for (const BlindStretch& stretch : blind_stretches(frames, truths))
     metrics.longest_blind_s = std::max(metrics.longest_blind_s, stretch.length_s(frames));
@@ -231,6 +243,7 @@ std::string to_json(const RunMetrics& metrics) {
     json["targets"].push_back({{"id", target.id},
                                {"name", target.name},
                                {"mean_visible_share", target.mean_visible_share},
+                               {"mean_whole_share", target.mean_whole_share},
                                {"in_frame_share", target.in_frame_share}});
   return json.dump(2);
 }

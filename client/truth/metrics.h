@@ -18,6 +18,7 @@ struct TargetMetrics {
   uint64_t id = 0;
   std::string name;
   double mean_visible_share = 0.0;  // over pictures; a picture without the target counts as 0
+  double mean_whole_share = 0.0;    // of its whole body, hidden and cut off counted alike (truth.h)
   double in_frame_share = 0.0;      // share of pictures that hold the target's centre
   size_t pictures = 0;              // taken while it was a target
 };
@@ -44,7 +45,11 @@ struct RunMetrics {
   double r_p = 0.0;                 // not r_n, and some target has a hidden pixel or is off screen
   double r_p_tolerant = 0.0;        // r_p with 5 % tolerance
   double all_seen = 0.0;            // every target has a visible pixel
-  // Every target is visible to at least 95 %: 1 - r_n - r_p_tolerant, exact to the picture.
+  double joint_whole_share = 0.0;   // every target is shown whole: at least 95 % of it unhidden, and 95 % of its outline in the picture
+  double mean_whole_share = 0.0;    // mean over targets
+  // The 95th percentile over pictures of the height of the target that is largest in it, in picture heights. From 1 on it does not fit.
+  double p95_size_pictures = 0.0;
+  // The part of every target inside the picture is visible to at least 95 %: 1 - r_n - r_p_tolerant, exact to the picture.
   double joint_visible_share() const;
   size_t body_collisions = 0;  // frames in which the body touches or has passed a collider
   double least_clearance_m = 0.0;

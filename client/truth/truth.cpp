@@ -97,6 +97,7 @@ class TargetLook {
     const PixelBox box = body_pixels();
     for (int y = box.y0; y < box.y1; ++y)
       for (int x = box.x0; x < box.x1; ++x) count(x, y, truth);
+    if (truth.alone_pixels > 0) truth.outline = measure_outline(scene_, instances_, body_, eye_.pose, eye_.lens);
     return truth;
   }
 
@@ -234,6 +235,10 @@ bool PictureTruth::partly_hidden(double tolerance) const {
 bool PictureTruth::all_seen() const {
   return std::all_of(targets.begin(), targets.end(),
                      [](const TargetTruth& target) { return target.visible_pixels > 0; });
+}
+
+bool PictureTruth::all_whole() const {
+  return std::all_of(targets.begin(), targets.end(), [](const TargetTruth& target) { return target.shown_whole(); });
 }
 
 BodyTruth measure_body(const EmbreeScene& colliders, const glm::dvec3& before_m, const glm::dvec3& now_m) {

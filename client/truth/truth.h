@@ -6,8 +6,9 @@
 // It sees what lies beyond the near plane. Below, a "pixel" is one such sample. Each target has two counts:
 //   Alone pixels    pixels that the target would cover if nothing else were drawn.
 //   Visible pixels  those alone pixels at which no occluder is nearer than the target.
-// The pixels of a target with parts (Target::part_ids) are those of its whole body. Only pixels inside the picture count. A target that is wholly outside has no pixels and a visible share of 0; a target that the
-// picture's edge cuts is judged by the part inside. Other targets occlude. A target that does not occlude (Instance::occludes) is
+// The pixels of a target with parts (Target::part_ids) are those of its whole body. Only pixels inside the picture count. A target that is wholly outside has no pixels and a visible share of 0; the visible share of a target that the
+// picture's edge cuts is of the part inside. How much of its outline lies inside is told beside it (outline.h), and a target is shown whole if both
+// shares are at least 95 %. Other targets occlude. A target that does not occlude (Instance::occludes) is
 // never drawn and has no pixels.
 //
 // A frame is classified as in the paper:
@@ -20,6 +21,7 @@
 #include <span>
 #include <vector>
 
+#include "client/truth/outline.h"
 #include "server/base/camera.h"
 #include "server/sample/embree_scene.h"
 #include "server/scene/mirror.h"
@@ -29,17 +31,22 @@ namespace sightline {
 
 inline constexpr int kTruthSize = 512;
 inline constexpr double kPartialTolerance = 0.05;
+inline constexpr double kLeastOfWhole = 0.95;
 
 struct TargetTruth {
   uint64_t id = 0;
   uint32_t alone_pixels = 0;
   uint32_t visible_pixels = 0;
   bool in_frame = false;  // the centre of its bounding sphere projects into the picture
+  Outline outline = {};   // of its whole body; all 0 where the target is not drawn
 
   // visible / alone; 0 when there is no pixel.
   double visible_share() const {
     return alone_pixels == 0 ? 0.0 : static_cast<double>(visible_pixels) / alone_pixels;
   }
+  // The share of its whole body that the picture shows: neither hidden nor cut off at the edge.
+  double whole_share() const { return visible_share() * outline.in_picture_share; }
+  bool shown_whole() const { return visible_share() >= kLeastOfWhole && outline.in_picture_share >= kLeastOfWhole; }
 };
 
 struct PictureTruth {
@@ -49,6 +56,7 @@ struct PictureTruth {
   bool partly_hidden(double tolerance = 0.0) const;  // r_P
   // Every target has a visible pixel.
   bool all_seen() const;
+  bool all_whole() const;  // every target is shown whole
 };
 
 // Takes a picture of `size` x `size` samples. `occluders` must have taken in `mirror` and have EmbreeScene::Content::kOccluders.

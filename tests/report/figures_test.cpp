@@ -137,9 +137,9 @@ TEST(ReplyRows, OfARunWithoutRepliesAreNoNumbersThatDivideByNothing) {
 RunMetrics judged_run() {
   RunMetrics run;
   run.frames = 40, run.pictures = 20;
-  run.targets = {{.id = 1, .name = "anna", .mean_visible_share = 0.5, .in_frame_share = 0.75},
-                 {.id = 2, .name = "ben", .mean_visible_share = 1.0, .in_frame_share = 0.25}};
-  run.r_n = 0.05, run.r_p = 0.6, run.r_p_tolerant = 0.15, run.all_seen = 0.9;
+  run.targets = {{.id = 1, .name = "anna", .mean_visible_share = 0.5, .mean_whole_share = 0.45, .in_frame_share = 0.75},
+                 {.id = 2, .name = "ben", .mean_visible_share = 1.0, .mean_whole_share = 0.55, .in_frame_share = 0.25}};
+  run.r_n = 0.05, run.r_p = 0.6, run.r_p_tolerant = 0.15, run.all_seen = 0.9, run.joint_whole_share = 0.35;
   run.body_collisions = 3, run.least_clearance_m = 0.375, run.limit_violations = 4, run.d_c_m = 12.25;
   return run;
 }
@@ -149,14 +149,17 @@ TEST(TruthRows, AreTheJudgedFiguresOfBothRuns) {
   RunMetrics other = judged_run();
   other.targets[1].mean_visible_share = 0.125, other.r_n = 0.25, other.body_collisions = 0, other.d_c_m = 1.0;
   const Rows expected = {{"mean visible share: anna", {"50.0 %", "50.0 %"}},
+                         {"mean share of the whole body: anna", {"45.0 %", "45.0 %"}},
                          {"in frame: anna", {"75.0 %", "75.0 %"}},
                          {"mean visible share: ben", {"100.0 %", "12.5 %"}},
+                         {"mean share of the whole body: ben", {"55.0 %", "55.0 %"}},
                          {"in frame: ben", {"25.0 %", "25.0 %"}},
                          {"r_N (no target visible)", {"5.0 %", "25.0 %"}},
                          {"r_P (partly hidden)", {"60.0 %", "60.0 %"}},
                          {"r_P with 5 % tolerance", {"15.0 %", "15.0 %"}},
                          {"all targets seen (a pixel of each)", {"90.0 %", "90.0 %"}},
-                         {"all targets clear (95 % of each)", {"80.0 %", "60.0 %"}},
+                         {"all targets whole (95 % of each seen in the picture)", {"35.0 %", "35.0 %"}},
+                         {"all targets clear (95 % of the part inside)", {"80.0 %", "60.0 %"}},
                          {"body collisions (frames)", {"3", "0"}},
                          {"least clearance", {"0.38 m", "0.38 m"}},
                          {"motion limit violations (frames)", {"4", "4"}},

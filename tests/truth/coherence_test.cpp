@@ -55,6 +55,16 @@ TEST(Coherence, EachPropertyDeviatesFromItsBandToItsLimit) {
   }
 }
 
+TEST(Coherence, HeightsAreToldBesideTheAskedOne) {
+  std::vector<CameraFrame> frames;
+  const std::vector<glm::dvec3> centers_m(5, glm::dvec3(3, 1, -2));
+  for (const double height_deg : {10.0, 20.0, 59.0, 61.0, 80.0}) frames.push_back(looks(centers_m[0], 0, height_deg, 6, 0.1 * static_cast<double>(frames.size())));
+  const CoherenceMetrics metrics = coherence_of(frames, centers_m);
+  EXPECT_NEAR(metrics.asked_height_rad, rad(10), 1e-9);
+  EXPECT_NEAR(metrics.median_height_rad, rad(59), 1e-9);
+  EXPECT_DOUBLE_EQ(metrics.high_share, 0.4);
+}
+
 TEST(Coherence, ALongerLensMakesTheSameSizeFromFartherAway) {
   CameraFrame asked = looks({3, 1, -2}, 0, 0, 5), far = looks({3, 1, -2}, 0, 0, 10);
   far.lens.vertical_fov_rad = 2 * std::atan(std::tan(asked.lens.vertical_fov_rad / 2) / 2);

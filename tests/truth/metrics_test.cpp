@@ -181,6 +181,10 @@ TEST(RunMetrics, SharesAreOfTheFrames) {
   EXPECT_DOUBLE_EQ(metrics.r_p, 0.0);
   EXPECT_DOUBLE_EQ(metrics.all_seen, 0.5);
   EXPECT_DOUBLE_EQ(metrics.joint_visible_share(), 0.5);
+  EXPECT_DOUBLE_EQ(metrics.joint_whole_share, 0.5) << "where they are not hidden, they are in the picture from head to foot";
+  EXPECT_DOUBLE_EQ(metrics.mean_whole_share, 0.5);
+  EXPECT_GT(metrics.p95_size_pictures, 0.0);
+  EXPECT_LT(metrics.p95_size_pictures, 1.0);
   ASSERT_EQ(metrics.targets.size(), 2u);
   EXPECT_EQ(metrics.targets[1].name, "ben");
   EXPECT_DOUBLE_EQ(metrics.targets[0].mean_visible_share, 0.5);
