@@ -1,5 +1,5 @@
-// How much of a body's outline a picture holds, whether anything hides it or not. A picture that cuts a body off at its edge shows only a part of it;
-// truth.h counts what is hidden of that part, this what is left out.
+// How much of a body's outline a picture holds, whether anything hides it or not. A picture that cuts a body off at its edge shows only a part of it.
+// truth.h counts how much of that part is hidden; the outline counts how much of the body is left out.
 #pragma once
 
 #include <cstdint>

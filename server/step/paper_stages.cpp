@@ -1,5 +1,5 @@
-// The stages as the paper's strategies Basic and RobustMove have them: maps for pair volumes or the lattice, who sees whom now, over the last steps
-// and ahead, and the nearest good candidate (paper 3.2 to 3.4, 5, 6.1). server/paper/README.md says where each part is.
+// The stages of a step under the paper's strategies, Basic and RobustMove (paper 3.2 to 3.4, 5, 6.1). They take maps for pair volumes or the lattice,
+// find which candidates see which targets, and choose the nearest good candidate. server/paper/README.md says where each part is.
 #include <algorithm>
 #include <functional>
 #include <limits>
@@ -51,7 +51,7 @@ void list_own_texels(const AggregateInput& in, CandidateSights& sights) {
   }
 }
 
-// The candidates, and who sees whom from them now. Lattice cells get addresses only where the filter stores their past.
+// Lists the candidates and the targets that each sees now. Lattice cells get addresses only where the filter stores their past.
 void list_and_look(const AggregateInput& in, CandidateMemory& memory, AggregateScratch& scratch, CandidateSights& sights) {
   const TakenMaps& taken = in.taken;
   const AggregateSettings& settings = taken.settings;
@@ -80,7 +80,7 @@ void list_and_look(const AggregateInput& in, CandidateMemory& memory, AggregateS
   visible[sights.own_candidate] = seen_from_own_position(in.step, taken);
 }
 
-// The past of a pair volume's candidates is looked up in the volumes of the last steps, that of a lattice cell is kept by its address.
+// Filters over the last steps. For a pair volume's candidates, their volumes are looked up; for lattice cells, the past is kept by address.
 void filter_paper(const AggregateInput& in, CandidateMemory& memory, AggregateScratch& scratch, CandidateSet& candidates) {
   const TakenMaps& taken = in.taken;
   const FilterSettings& filter = taken.settings.filter;
@@ -115,7 +115,7 @@ void leave_out_hidden_ahead(const MoveInput& in, std::vector<uint8_t>& members) 
     if (!seen_ahead(i)) members[i] = 0;
 }
 
-// Lists the candidates' cells, those of the lattice or of the pair volume, and which of them see all steered targets.
+// Lists the candidates' cells, in the lattice or in the pair volume, and marks the candidates that see all steered targets.
 void list_all_visible(const MoveInput& in, MoveScratch& scratch) {
   const CandidateSet& candidates = in.sights.candidates;
   const std::span<const uint32_t> seen = candidates.filtered();

@@ -1,4 +1,4 @@
-// The maps that the flight plan needs: few of the present, sights of what the camera is about to see, and the slices of coming times that are due.
+// The maps that the flight plan needs: few of the present, many of coming times, and single rays to where the camera is about to be.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -12,7 +12,7 @@
 namespace sightline {
 namespace {
 
-// How far ahead it is foretold what the camera will see; farther, people do something else. The plan looks farther ahead.
+// The longest forecast of what the camera will see. People do something else after that time. The plan looks farther ahead.
 constexpr double kForecastS = 0.5;
 // A flight plan adds up the maps of many steps, so each step takes maps from every second point only.
 constexpr size_t kOfPoints = 2;
@@ -119,7 +119,7 @@ class SlicePicker {
   std::array<double, kSlices> turns_rad_{};
 };
 
-// The slices tell what is hidden at coming times, so the forecast needs only what the camera will see.
+// Since the slices tell what will be hidden from each cell, the forecast needs the camera's own position only.
 void plan_sights_ahead(SamplePlan& plan) {
   for (const glm::dvec3& point_m : plan.ahead.points_m) {
     plan.ahead.maps_of_point.push_back({static_cast<uint32_t>(plan.views.size()), 1});

@@ -165,7 +165,7 @@ void list_cells(const Lattice& lattice, CandidateSights& sights);
 // grid points.
 void add_own_and_desired_position(const AggregateInput& input, CandidateSights& sights);
 uint32_t seen_from_own_position(const StepContext& step, const TakenMaps& taken);
-// Lattice cells keep their history, if `filter` has a mode. The two positions off the lattice take over that of the nearest cell. `slots` is scratch memory.
+// Lattice cells keep their history, if `filter` has a mode. The two positions off the lattice take over the history of the nearest cell. `slots` is scratch memory.
 void filter_cells(const StepContext& step, const FilterSettings& filter, CandidateMemory& memory, std::vector<uint32_t>& slots,
                   CandidateSet& candidates);
 
