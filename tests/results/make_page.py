@@ -214,7 +214,7 @@ while other runs went on.
         text += """
 The same hall seen from before the targets (`hall-front`):
 
-""" + table2_rows(front) + "\n"
+""" + table2_rows(front)
     return text
 
 
@@ -262,7 +262,7 @@ def table3_rows(stabilities, with_reactions):
             for row in stabilities]
     columns = ["<stability", "t_c ms", "paper's", "d_c m", "falls", "paper's", "d_c m, Embree, mean", "d_s heights", "falls", "paper's", "pair volume", "shot kept",
                "deviation", "acceleration m/s²", "visible share", "joint"]
-    return markdown(columns + (["sustained occlusions", "mean reaction s", "p95 s"] if with_reactions else []), rows) + "\n"
+    return markdown(columns + (["sustained occlusions", "mean reaction s", "p95 s"] if with_reactions else []), rows)
 
 
 def paper_ratio(stabilities, row, name):
