@@ -1,7 +1,8 @@
 // Measures the cost of the temporal volume in a step (paper 5): pushing every cell of a lattice and filtering it. Rows
 // vary the mode, the number of candidates, the window and the targets. The time must follow the candidates and not the
 // window: O(g^3), not O(n g^3). `plain` computes the paper's sum over n steps directly. It does less (no gaps, no
-// shares, no switches; two targets), so compare how the two grow with n.
+// shares, no switches; two targets), so compare how the two grow with n. `pairs` filters over pair volumes, whose candidates differ from step to step:
+// the time follows candidates times window, O(n g^3).
 #include <benchmark/benchmark.h>
 
 #include <array>
@@ -9,6 +10,8 @@
 
 #include "server/aggregate/temporal_volume.h"
 #include "server/base/random.h"
+#include "server/paper/pair_history.h"
+#include "tests/aggregate/random_ball.h"
 
 namespace sightline {
 namespace {
@@ -106,6 +109,53 @@ void plain(benchmark::State& state) {
   report(state, cells);
 }
 
+// What a step of a walking camera takes, with made-up depths.
+struct PairStep {
+  PairChain chain;
+  std::vector<DepthMap> maps;
+  CandidateSet candidates;
+};
+
+PairStep pair_step(CounterRandom& random, const glm::dvec3& camera_m, int r) {
+  const std::vector<glm::dvec3> targets_m{{-0.8, 0, 0}, {0.8, 0.2, 0}};
+  const Bound bound = ball(camera_m, 0.83);
+  PairStep step;
+  if (make_pair_chain(targets_m, bound, r, glm::dvec2(0.5), step.chain) != PairGap::kNone) std::abort();
+  const auto texels = static_cast<size_t>(r * r);
+  for (uint32_t i = 0; i < 2; ++i) {
+    DepthMap map{chain_view(step.chain, i, glm::dvec2(0.5)), std::vector<float>(texels), std::vector<uint32_t>(texels, 0)};
+    const double away_m = glm::distance(targets_m[i], camera_m);
+    for (float& distance_m : map.distance_m) distance_m = static_cast<float>(random.next_in(0.7 * away_m, 1.4 * away_m));
+    step.maps.push_back(std::move(map));
+  }
+  std::vector<glm::ivec3> texels_of_candidates;
+  compose_chain(step.chain, step.maps, bound, 0.001, step.candidates, texels_of_candidates);
+  return step;
+}
+
+void pairs(benchmark::State& state) {
+  CounterRandom random(1, 0, RandomPurpose::kTest);
+  std::vector<PairStep> steps;
+  glm::dvec3 camera_m(0, 0.5, 6);
+  for (int k = 0; k < kRound; ++k) steps.push_back(pair_step(random, camera_m, static_cast<int>(state.range(0)))), camera_m.x += 0.02;
+  FilterSettings settings;
+  settings.mode = FilterMode::kJoint;
+  settings.n = static_cast<int>(state.range(1));
+  const auto target_ids = ids(2);
+  PairHistory history;
+  std::vector<uint32_t> out;
+  size_t step = 0, candidates = 0;
+  for (auto _ : state) {
+    const PairStep& now = steps[step++ % kRound];
+    history.push(now.chain, now.maps, target_ids, 0.001, settings.n);
+    history.filter(now.candidates.position_m.view().singles_m(), now.candidates.visible_targets, target_ids, 3, settings, out);
+    candidates += now.candidates.size();
+    benchmark::DoNotOptimize(out.data());
+  }
+  report(state, candidates / std::max<size_t>(step, 1));
+}
+
+BENCHMARK(pairs)->ArgNames({"r", "n"})->ArgsProduct({{7, 15}, {1, 5, 10, 15, 30, 60}});
 BENCHMARK(joint)
     ->ArgNames({"candidates", "n", "targets"})
     ->ArgsProduct({{343, 4096}, {5, 10, 15, 32, 64}, {2}});

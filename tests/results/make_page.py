@@ -21,7 +21,10 @@ from scene_tables import ceiling_part, scenes_part
 from svg_plots import bar_plot, strip_plot
 
 PAPER_TABLES = ("table1.csv", "table2.csv", "table3.csv")
-MORE_TABLES = ("table2-front.csv", "table3-agile.csv")
+MORE_TABLES = ("table2-front.csv", "table3-agile.csv", "shots.csv")
+SHOT_COLUMNS = ("scene", "seed", "policy", "joint_visible_share", "joint_whole_share", "mean_whole_share", "p95_size_pictures", "asked_height_rad",
+                "median_height_rad", "high_share", "shot_kept_share", "shot_deviation_side", "shot_deviation_height", "shot_deviation_size",
+                "shot_deviation_place", "shot_deviation", "mean_acceleration_mps2")
 RUN_COLUMNS = ("scene", "seed", "targets", "policy", "pictures", "joint_visible_share", "all_seen", "r_n", "r_p",
                "r_p_tolerant", "mean_hidden_share", "episodes", "longest_blind_s", "longest_blind_with_way_s",
                "sustained_occlusions", "mean_reaction_s", "turns", "mean_turn_answer_s", "d_c_m", "d_s_heights",
@@ -52,6 +55,9 @@ def take_over(folder, raw, how):
     plots = {"table2-r_n.svg": models_plot(runs_of("hall")), "table3-offset.svg": offsets_plot(read_table(raw / "fence" / "pictures.csv"))}
     if (raw / "agile").exists():
         plots["table3-agile-offset.svg"] = offsets_plot(read_table(raw / "agile" / "pictures.csv"), "fence-agile", "agile")
+    shots = raw / ("shots" if (raw / "shots").exists() else "scenes")
+    if shots.exists():
+        write_table(folder / "shots.csv", SHOT_COLUMNS, read_table(shots / "runs.csv"))
     if (raw / "scenes").exists():
         runs = read_table(raw / "scenes" / "runs.csv")
         write_table(folder / "scenes.csv", RUN_COLUMNS, runs)
@@ -106,9 +112,9 @@ def make_page(folder):
     times, models, stabilities = (read_table(folder / name) for name in PAPER_TABLES)
     runs = read_table(folder / "scenes.csv")
     ceilings = [row for row in measured_ceilings(folder) if row["scene"] in distinct(runs, "scene")]
-    front, agile = (read_table(folder / name) if (folder / name).exists() else [] for name in MORE_TABLES)
+    front, agile, shots = (read_table(folder / name) if (folder / name).exists() else [] for name in MORE_TABLES)
     parts = [introduction(how, times), claims_part(times, models, stabilities, scene_claims(runs, ceilings, former_runs(folder, "scenes")), former_costs(folder)), notes_part(folder), table1_part(times),
-             table2_part(models, front), table3_part(stabilities, agile), scenes_part(runs), *ceiling_part(ceilings, runs), reports_part(runs)]
+             table2_part(models, front), table3_part(stabilities, agile), shots_part(shots), scenes_part(runs), *ceiling_part(ceilings, runs), reports_part(runs)]
     return "\n".join(parts)
 
 
@@ -268,6 +274,30 @@ def table3_rows(stabilities, with_reactions):
 def paper_ratio(stabilities, row, name):
     reference = stabilities[0][name]
     return number(reference / row[name], 1) if row[name] else ""
+
+
+# ---- the shot ----
+
+def shots_part(runs):
+    if not runs:
+        return ""
+    groups = [(scene, policy, select(runs, scene=scene, policy=policy)) for scene in distinct(runs, "scene") for policy in distinct(runs, "policy")]
+    return f"""## Whole bodies, and the shot that was asked for
+
+*Joint* and the tables below judge the part of a target inside the picture. *Whole* also asks that at least 95 % of the outline of every target are inside. A camera that flies
+so near that it shows two pairs of legs has a high joint share, and none of it is whole. *Size*: height of the largest target in picture heights, 95th percentile over pictures; from 1 on it is
+cut off. *Height*: elevation of the camera over the targets, in the first frame and in the median, in degrees. *Above 60°*: share of the frames. *Shot kept* and *deviation* as in Table 2, with the deviations of side, height,
+size and place. *Acceleration*: mean size, the paper's sum over the time (6.2). Means over {len(distinct(runs, "seed"))} seeds.
+
+""" + markdown(["<scene", "<policy", "whole", "joint", "size", "asked height", "height", "above 60°", "shot kept", "deviation", "side", "height", "size", "place",
+                "acceleration m/s²"], [shot_row(*group) for group in groups if group[2]])
+
+
+def shot_row(scene, policy, runs):
+    degrees = lambda name: number(math.degrees(mean(runs, name)), 0)
+    return [scene, policy, percent(mean(runs, "joint_whole_share"), 1), percent(mean(runs, "joint_visible_share"), 1), number(mean(runs, "p95_size_pictures"), 2),
+            degrees("asked_height_rad"), degrees("median_height_rad"), percent(mean(runs, "high_share"), 0), percent(mean(runs, "shot_kept_share"), 0)] + [
+                number(mean(runs, "shot_deviation" + part), 2) for part in ("", "_side", "_height", "_size", "_place")] + [number(mean(runs, "mean_acceleration_mps2"), 2)]
 
 
 # ---- what the service reports ----

@@ -60,6 +60,7 @@ def run(scene, policy, seed, joint, episodes, **other):
     row = dict.fromkeys(make_page.RUN_COLUMNS, 0.0)
     row.update(scene=scene, policy=policy, seed=seed, joint_visible_share=joint, episodes=episodes, reported_pairs=100.0,
                reported_hidden_pairs=20.0, filtered_share_error=0.05, sustained_occlusions=1.0, mean_reaction_s=0.3)
+    row.update(dict.fromkeys(set(make_page.SHOT_COLUMNS) - set(row), 0.25))
     row.update(other)
     return row
 
@@ -418,7 +419,7 @@ class Page(unittest.TestCase):
             row.update(d_c_m=12.0, acceleration_limit_share=0.1, speed_limit_share=0.01, rms_jerk_mps3=100.0, p99_jerk_mps3=400.0,
                        reversals_per_s=0.25, goal_jumps_per_s=1.5, pictures=100.0, r_n=0.01, filtered_false_occluded=0.2,
                        tracking_while_lost=0.005, lost_called_tracking=0.6, tracking_while_half_hidden=0.02)
-        figures.write_table(raw / "scenes" / "runs.csv", make_page.RUN_COLUMNS, runs)
+        figures.write_table(raw / "scenes" / "runs.csv", list(runs[0]), runs)
         self.write_pictures(raw / "scenes", {"hall"}, ("follow", "sightline"))
         self.write_runs(raw / "hall", {"hall"}, [policy for policy, *_ in paper_tables.MODELS])
         self.write_runs(raw / "fence", {"fence", "fence-board"}, [policy for policy, *_ in paper_tables.STABILITIES])
@@ -459,6 +460,7 @@ class Page(unittest.TestCase):
             self.assertIn("| hall | sightline | 90.0 % | 0.0 % | 1.0 |", page)
             self.assertIn("| hall | sightline | 0 | 0 | 12.0 | 10.0 % | 1.0 % | 100 | 400 | 0.25 | 1.50 |", page)
             self.assertIn("| 20.0 % | 0.50 % | 60.0 % | 2.00 % |", page)
+            self.assertIn("| hall | sightline | 25.0 % | 90.0 % | 0.25 | 14 | 14 | 25 % | 25 % | 0.25 |", page)
             self.assertEqual(page.count("!["), 5)
             for line in page.splitlines():
                 if line.startswith("!["):
