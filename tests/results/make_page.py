@@ -295,7 +295,8 @@ size and place. *Acceleration*: mean size, the paper's sum over the time (6.2). 
 
 def shot_row(scene, policy, runs):
     degrees = lambda name: number(math.degrees(mean(runs, name)), 0)
-    return [scene, policy, percent(mean(runs, "joint_whole_share"), 1), percent(mean(runs, "joint_visible_share"), 1), number(mean(runs, "p95_size_pictures"), 2),
+    size = mean(runs, "p95_size_pictures")
+    return [scene, policy, percent(mean(runs, "joint_whole_share"), 1), percent(mean(runs, "joint_visible_share"), 1), "over 10" if size > 10 else number(size, 2),
             degrees("asked_height_rad"), degrees("median_height_rad"), percent(mean(runs, "high_share"), 0), percent(mean(runs, "shot_kept_share"), 0)] + [
                 number(mean(runs, "shot_deviation" + part), 2) for part in ("", "_side", "_height", "_size", "_place")] + [number(mean(runs, "mean_acceleration_mps2"), 2)]
 
