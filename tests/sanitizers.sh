@@ -25,7 +25,7 @@ test_part() {
   read -r program index <<<"$1"
   local log=$logs/$program.$index
   # A part that hangs is ended, and the name of its test stands in the log.
-  GTEST_TOTAL_SHARDS=$parts GTEST_SHARD_INDEX=$index timeout -s ABRT 900 "build/$preset/bin/$program" >"$log" 2>&1 && { grep -E '^\[(=+|  PASSED|  SKIPPED)' "$log" || true; return 0; }
+  GTEST_TOTAL_SHARDS=$parts GTEST_SHARD_INDEX=$index timeout --foreground -s ABRT 900 "build/$preset/bin/$program" >"$log" 2>&1 && { grep -E '^\[(=+|  PASSED|  SKIPPED)' "$log" || true; return 0; }
   grep -vE '^\[ (RUN|      OK)' "$log" | tail -60; grep '^\[ RUN' "$log" | tail -1
   local failed=
   # A program that was killed does not say how many tests ran, and then all of them run again.

@@ -123,8 +123,9 @@ class PanelPainter {
   }
 
   void caption() {
-    const PictureTruth truth = measure_picture(scene_.occluders, scene_.mirror, scene_.targets, frame_.camera,
+    PictureTruth truth = measure_picture(scene_.occluders, scene_.mirror, scene_.targets, frame_.camera,
                                     frame_.lens, kTruthSize / 4);
+    add_outlines(scene_.occluders, scene_.mirror, scene_.targets, frame_.camera, frame_.lens, truth);
     char text[64];
     std::snprintf(text, sizeof text, "%.1f s", frame_.time_s);
     int x = write(4, text, {255, 255, 255});

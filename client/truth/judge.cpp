@@ -36,9 +36,11 @@ FrameTruth judge_frame(const JudgedScene& scene, const glm::dvec3& before_m, con
   truth.body = measure_body(scene.colliders, before_m, frame.camera.position_m);
   for (const Target& target : scene.targets)
     truth.centers.push_back(point_in_picture(frame, scene.mirror.find(target.instance_id)->center_m));
-  if (picture_size > 0)
+  if (picture_size > 0) {
     truth.picture =
         measure_picture(scene.occluders, scene.mirror, scene.targets, frame.camera, frame.lens, picture_size);
+    add_outlines(scene.occluders, scene.mirror, scene.targets, frame.camera, frame.lens, *truth.picture);
+  }
   return truth;
 }
 

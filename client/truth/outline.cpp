@@ -49,6 +49,7 @@ Outline measure_outline(const EmbreeScene& scene, std::span<const Instance> inst
   const double half_height = std::tan(lens.vertical_fov_rad / 2), half_width = half_height * lens.aspect;
   double reach_m = 0, low = INFINITY, high = -INFINITY;
   for (const uint32_t slot : body_slots) reach_m = std::max(reach_m, 1.001 * (glm::distance(instances[slot].center_m, eye_m) + instances[slot].radius_m));
+  const glm::dquat camera_from_world = glm::conjugate(world_from_camera.rotation);
   int hits = 0, inside = 0;
   for (int k = 0; k < kOutlineRays; ++k) {
     const glm::dvec3 direction = spiral_direction(cone, right, up, k);
@@ -60,7 +61,7 @@ Outline measure_outline(const EmbreeScene& scene, std::span<const Instance> inst
     }
     if (!(nearest_m <= reach_m)) continue;
     ++hits;
-    const glm::dvec3 seen = glm::inverse(world_from_camera.rotation) * direction;
+    const glm::dvec3 seen = camera_from_world * direction;
     if (seen.z >= 0) continue;
     const glm::dvec2 window(seen.x / -seen.z / half_width, seen.y / -seen.z / half_height);
     low = std::min(low, window.y), high = std::max(high, window.y);

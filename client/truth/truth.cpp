@@ -97,7 +97,6 @@ class TargetLook {
     const PixelBox box = body_pixels();
     for (int y = box.y0; y < box.y1; ++y)
       for (int x = box.x0; x < box.x1; ++x) count(x, y, truth);
-    if (truth.alone_pixels > 0) truth.outline = measure_outline(scene_, instances_, body_, eye_.pose, eye_.lens);
     return truth;
   }
 
@@ -218,6 +217,13 @@ PictureTruth measure_picture(const EmbreeScene& occluders, const SceneMirror& mi
   for (const Target& target : targets)
     picture.targets.push_back(TargetLook(occluders, mirror, target, eye).take());
   return picture;
+}
+
+void add_outlines(const EmbreeScene& occluders, const SceneMirror& mirror, std::span<const Target> targets, const Pose& world_from_camera,
+                  const Lens& lens, PictureTruth& picture) {
+  for (size_t i = 0; i < targets.size(); ++i)
+    if (picture.targets[i].alone_pixels > 0)
+      picture.targets[i].outline = measure_outline(occluders, mirror.instances(), body_slots(mirror, targets[i]), world_from_camera, lens);
 }
 
 bool PictureTruth::fully_hidden() const {

@@ -7,8 +7,8 @@
 //   Alone pixels    pixels that the target would cover if nothing else were drawn.
 //   Visible pixels  those alone pixels at which no occluder is nearer than the target.
 // The pixels of a target with parts (Target::part_ids) are those of its whole body. Only pixels inside the picture count. A target that is wholly outside has no pixels and a visible share of 0; the visible share of a target that the
-// picture's edge cuts is of the part inside. How much of its outline lies inside is told beside it (outline.h), and a target is shown whole if both
-// shares are at least 95 %. Other targets occlude. A target that does not occlude (Instance::occludes) is
+// picture's edge cuts is of the part inside. add_outlines finds how much of its outline lies inside. A target is shown whole if both shares are
+// at least 95 %. Other targets occlude. A target that does not occlude (Instance::occludes) is
 // never drawn and has no pixels.
 //
 // A frame is classified as in the paper:
@@ -38,13 +38,13 @@ struct TargetTruth {
   uint32_t alone_pixels = 0;
   uint32_t visible_pixels = 0;
   bool in_frame = false;  // the centre of its bounding sphere projects into the picture
-  Outline outline = {};   // of its whole body; all 0 where the target is not drawn
+  Outline outline = {};   // of its whole body; all 0 before add_outlines, and for a target without a pixel
 
   // visible / alone; 0 when there is no pixel.
   double visible_share() const {
     return alone_pixels == 0 ? 0.0 : static_cast<double>(visible_pixels) / alone_pixels;
   }
-  // The share of its whole body that the picture shows: neither hidden nor cut off at the edge.
+  // After add_outlines: the share of its whole body that the picture shows, neither hidden nor cut off at the edge.
   double whole_share() const { return visible_share() * outline.in_picture_share; }
   bool shown_whole() const { return visible_share() >= kLeastOfWhole && outline.in_picture_share >= kLeastOfWhole; }
 };
@@ -56,13 +56,19 @@ struct PictureTruth {
   bool partly_hidden(double tolerance = 0.0) const;  // r_P
   // Every target has a visible pixel.
   bool all_seen() const;
-  bool all_whole() const;  // every target is shown whole
+  // After add_outlines: every target is shown whole.
+  bool all_whole() const;
 };
 
 // Takes a picture of `size` x `size` samples. `occluders` must have taken in `mirror` and have EmbreeScene::Content::kOccluders.
 // Several threads may use one scene.
 PictureTruth measure_picture(const EmbreeScene& occluders, const SceneMirror& mirror, std::span<const Target> targets,
                   const Pose& world_from_camera, const Lens& lens, int size = kTruthSize);
+
+// Sets the outlines of the picture's targets, which must be `targets` in their order, seen from the same camera. It takes kOutlineRays rays for each
+// part of a target.
+void add_outlines(const EmbreeScene& occluders, const SceneMirror& mirror, std::span<const Target> targets, const Pose& world_from_camera,
+                  const Lens& lens, PictureTruth& picture);
 
 // The world direction through sample (x, y) of `columns` x `rows`, scaled to one unit of depth.
 glm::dvec3 sample_direction(const Pose& world_from_camera, const Lens& lens, double x, double y, int columns,

@@ -204,6 +204,8 @@ void filter_cells(const StepContext& step, const FilterSettings& filter, Candida
   volume.filter(slots, candidates.visible_targets, step.targets.steered, candidates.filtered_targets);
 }
 
+namespace {
+
 void aggregate_flight(const AggregateInput& in, CandidateMemory& memory, AggregateScratch& scratch, CandidateSights& sights) {
   memory.pairs.clear();
   Aggregation aggregation(in, memory, scratch, sights);
@@ -215,6 +217,8 @@ void aggregate_flight(const AggregateInput& in, CandidateMemory& memory, Aggrega
   aggregation.add_up_hidden();
   aggregation.renew_slices();
 }
+
+}  // namespace
 
 void aggregate(const AggregateInput& in, CandidateMemory& memory, AggregateScratch& scratch, CandidateSights& sights) {
   sights.candidates.clear();

@@ -213,7 +213,6 @@ Course paper_course(const MoveInput& in, MoveScratch& scratch, Decision& decisio
   Choice choice;
   if (in.step.targets.steered != 0) choice = choose(in, scratch);
   decision.horizon_s = next_horizon_s(in, choice.status != MoveStatus::kTracking && in.step.targets.steered != 0);
-  decision.view_way_m.reset();
   if (choice.candidate >= 0) {
     const auto chosen = static_cast<size_t>(choice.candidate);
     scratch.way_m = glm::distance(in.step.camera.pose.position_m, in.sights.candidates.position_m[chosen]);

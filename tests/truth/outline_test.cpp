@@ -28,7 +28,9 @@ class Bench {
   TargetTruth look(uint64_t id) const {
     Target target;
     target.instance_id = id;
-    return measure_picture(occluders_, mirror_, {&target, 1}, camera, lens).targets[0];
+    PictureTruth picture = measure_picture(occluders_, mirror_, {&target, 1}, camera, lens);
+    add_outlines(occluders_, mirror_, {&target, 1}, camera, lens, picture);
+    return picture.targets[0];
   }
 
   Pose camera;
