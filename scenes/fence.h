@@ -31,7 +31,7 @@ struct FenceOptions {
   double camera_distance_m = 6.0;  // [4, 20]: distance from the targets; the fence stands 2 m before them
   // When a solid board comes up before both targets and stays: a sustained occlusion. [0, duration_s - 0.25]; 0: no board.
   double board_at_s = 0.0;
-  CameraMotion limits = {};  // of the camera; 0 leaves those of the session
+  CameraMotion limits = {};  // of the camera, m/s and m/s^2, >= 0; 0 leaves the session's limit
 };
 
 // A .glb file.

@@ -31,7 +31,8 @@ struct EvaluationOptions {
   int picture_every = 6;    // >= 1; every n-th frame's picture is judged
   int picture_size = kTruthSize;
   int jobs = 1;  // number of threads, >= 1
-  SamplerDevice* samplers = nullptr;  // of Sightline's own policies; null: Embree
+  // Takes the maps of Sightline's own policies, on several threads; must outlive the call. Null: Embree.
+  SamplerDevice* samplers = nullptr;
   // Called with the share that is done, in [0, 1], on any of the threads, one call at a time.
   std::function<void(double)> progress;
 };
@@ -65,7 +66,7 @@ struct RunRecord {
   std::optional<ReportMetrics> reports;
   std::optional<StatusMetrics> status;
   std::optional<GoalMetrics> goals;
-  std::optional<double> pair_volume_share;  // of the frames: those whose candidates are a pair volume's (policy.h)
+  std::optional<double> pair_volume_share;  // share of the frames with PolicyStep::pair_volume
   std::optional<double> most_joint;  // only for policies that know it (policy.h)
   std::vector<JudgedPicture> pictures;
   RunTiming timing;

@@ -40,7 +40,7 @@ struct PolicyStep {
   std::optional<std::vector<ReportedShare>> reports = std::nullopt;  // the visible shares of the targets
   std::optional<bool> tracking = std::nullopt;                       // whether its status is TRACKING
   std::optional<glm::dvec3> goal_m = std::nullopt;                   // world; the position that it heads for
-  std::optional<bool> pair_volume = std::nullopt;                    // whether its candidates are those of a pair volume (paper 3.3)
+  std::optional<bool> pair_volume = std::nullopt;                    // whether it chose among the candidates of a pair volume (paper 3.3)
 };
 
 // Deterministic: the same site and the same calls give the same answers. Used by one thread at a time.

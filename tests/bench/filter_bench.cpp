@@ -109,7 +109,7 @@ void plain(benchmark::State& state) {
   report(state, cells);
 }
 
-// What a step of a walking camera takes, with made-up depths.
+// One step of a moving camera over a pair volume, with made-up depths.
 struct PairStep {
   PairChain chain;
   std::vector<DepthMap> maps;

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -323,6 +324,19 @@ TEST_F(EvaluateCommand, WritesARowARunAndARowAPicture) {
   EXPECT_EQ(pictures.at("tracking")[7], "1");
   EXPECT_THAT(files.at("timing.csv"), HasSubstr("scene,seed,targets,policy,run_s,step_ms"));
   EXPECT_THAT(out.str(), HasSubstr("sightline"));
+}
+
+TEST_F(EvaluateCommand, TellsTheShareOfPairVolumesWithEitherSampler) {
+  for (const std::string sampler : {"embree", "egl"}) {
+    std::ostringstream out, err;
+    EvaluateOptions options = short_options("pairs-" + sampler);
+    options.policies = {"paper"};
+    options.sampler = sampler;
+    const int status = run_evaluate_command(options, out, err);
+    if (status != 0 && sampler == "egl" && !std::getenv("SIGHTLINE_REQUIRE_EGL")) GTEST_SKIP() << err.str();
+    ASSERT_EQ(status, 0) << err.str();
+    EXPECT_THAT(columns_of(files_in(options.out).at("runs.csv")).at("pair_volume_share"), ElementsAre("1", "1")) << sampler;
+  }
 }
 
 TEST_F(EvaluateCommand, PlaysTheCeilingOnlyWhenAsked) {

@@ -145,7 +145,7 @@ folder. The measurements took {how['minutes']} minutes on {how['cores']} cores:
 
 {commands}
 
-Each scene is played at {how['rate_hz']} Hz with {how['seeds']} and Embree as the sampler. {egl_words}. A judged picture is rendered again
+Each scene is played at {how['rate_hz']} Hz with {how['seeds']}. EGL takes the maps of Tables 2 and 3, and Embree those of the scenes. {egl_words}. A judged picture is rendered again
 at 512 x 512 with an id for each body. Every {how['paper_every']}th frame of Tables 2 and 3 is judged, and every {how['scenes_every']}th of the scenes. Motion,
 collisions and reactions are judged at every frame. The headers in `client/truth` define the figures. *sightline* is the
 default; *paper* is the method as printed, with RobustMove, a prediction of 300 ms and the filter 6/10. The tables are `table1.csv`, `table2.csv`,
@@ -284,10 +284,11 @@ def shots_part(runs):
     groups = [(scene, policy, select(runs, scene=scene, policy=policy)) for scene in distinct(runs, "scene") for policy in distinct(runs, "policy")]
     return f"""## Whole bodies, and the shot that was asked for
 
-*Joint* and the tables below judge the part of a target inside the picture. *Whole* also asks that at least 95 % of the outline of every target are inside. A camera that flies
-so near that it shows two pairs of legs has a high joint share, and none of it is whole. *Size*: height of the largest target in picture heights, 95th percentile over pictures; from 1 on it is
-cut off. *Height*: elevation of the camera over the targets, in the first frame and in the median, in degrees. *Above 60°*: share of the frames. *Shot kept* and *deviation* as in Table 2, with the deviations of side, height,
-size and place. *Acceleration*: mean size, the paper's sum over the time (6.2). Means over {len(distinct(runs, "seed"))} seeds.
+*Joint* judges the part of a target inside the picture, as the tables below do. *Whole* counts only the pictures in which at least 95 % of every target's outline is inside as well.
+A camera that is so near that it shows two pairs of legs has a high joint share, and shows nobody whole. *Size* is the height of the largest target in picture heights, the 95th
+percentile over pictures. From 1 on the target is cut off. *Height* is the camera's elevation over the targets in degrees, in the first frame and in the median. *Above 60°* is the share
+of the frames. *Shot kept* and *deviation* are those of Table 2. The deviations of side, height, size and place follow. *Acceleration* is the mean size, the paper's sum over the
+time (6.2). Means over {len(distinct(runs, "seed"))} seeds.
 
 """ + markdown(["<scene", "<policy", "whole", "joint", "size", "asked height", "height", "above 60°", "shot kept", "deviation", "side", "height", "size", "place",
                 "acceleration m/s²"], [shot_row(*group) for group in groups if group[2]])

@@ -49,7 +49,7 @@ StepSettings with_defaults(int resolution, int candidates) {
   return settings;
 }
 
-// Compares a peer's answers with those of the step just taken, at candidates and targets for which `counts` has the target's bit.
+// Returns the share of a peer's answers that the step just taken gives too. Bit t of counts[k] says whether candidate k counts for target t.
 double agreement(const std::vector<uint32_t>& seen, const std::vector<uint32_t>& counts, const StepDump& dump, size_t targets) {
   size_t same = 0, all = 0;
   for (size_t k = 0; k < seen.size(); ++k)

@@ -16,8 +16,8 @@ struct Track {
   std::string name;
   std::vector<double> total_ms, sample_ms, aggregate_ms, move_ms, scene_ms;
   size_t candidates = 0;
-  // Share of the candidates x targets on which a peer agrees with the step of the same frame, without candidates that lie on a surface; and the
-  // same with the peer's rays along the map's own. -1: not measured.
+  // The share of the candidates x targets on which a peer agrees with the step of the same frame. Candidates that lie on a surface do not count. For
+  // the second, every candidate is moved onto the nearest ray of the map. -1: not measured.
   double agreement = -1, agreement_on_rays = -1;
 };
 
