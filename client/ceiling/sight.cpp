@@ -26,7 +26,7 @@ std::vector<TrackedTarget> tracked_targets(const ScenarioWorld& world) {
   std::vector<TrackedTarget> targets;
   for (const Target& target : world.targets()) {
     const Instance& instance = *world.mirror().find(target.instance_id);
-    targets.push_back({aim_point_m(instance), instance.radius_m, glm::dvec3(0.0), target.weight, true});
+    targets.push_back({.aim_m = aim_point_m(instance), .radius_m = instance.radius_m, .weight = target.weight});
   }
   return targets;
 }

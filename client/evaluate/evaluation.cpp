@@ -169,7 +169,7 @@ class Run {
     if (!world) return tl::unexpected(world.error());
     record_.reaction = measure_reaction(**world, played.frames);
     record_.longest_blind_with_way_s = longest_blind_with_way_s(**world, played.frames, *truths, limits_);
-    judge_against_targets(**world, played);
+    judge_against_targets(**world, played, *truths);
     return {};
   }
 
@@ -185,7 +185,7 @@ class Run {
   }
 
   // How the camera and its goal move, against the motion of the targets.
-  void judge_against_targets(ScenarioWorld& world, const Played& played) {
+  void judge_against_targets(ScenarioWorld& world, const Played& played, std::span<const FrameTruth> truths) {
     std::vector<glm::dvec3> centers_m;
     std::vector<GoalSample> goals;
     for (size_t i = 0; i < played.frames.size(); ++i) {
@@ -195,7 +195,7 @@ class Run {
       goals.push_back({frame.time_s, played.goals_m[i], centers_m.back(), frame.jump});
     }
     record_.turns = answers_to_turns(played.frames, centers_m);
-    record_.coherence = coherence_of(played.frames, centers_m);
+    record_.coherence = coherence_of(played.frames, centers_m, truths);
     if (std::any_of(goals.begin(), goals.end(), [](const GoalSample& g) { return g.goal_m.has_value(); }))
       record_.goals = goals_of(goals);
   }

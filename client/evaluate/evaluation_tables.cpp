@@ -20,8 +20,12 @@ struct Column {
 
 constexpr Column kAnswerColumns[] = {
     {"longest_blind_with_way_s", [](const Run& r) { return r.longest_blind_with_way_s; }},
+    {"mean_worth", [](const Run& r) { return r.coherence.mean_worth; }},
+    {"mean_sight_loss", [](const Run& r) { return r.coherence.mean_sight_loss; }},
+    {"mean_shot_loss", [](const Run& r) { return r.coherence.mean_shot_loss; }},
+    {"as_asked_share", [](const Run& r) { return r.coherence.as_asked_share; }},
     {"shot_kept_share", [](const Run& r) { return r.coherence.kept_share; }},
-    {"shot_deviation", [](const Run& r) { return r.coherence.mean.mean(); }},
+    {"shot_deviation", [](const Run& r) { return mean_of(r.coherence.mean); }},
     {"shot_deviation_side", [](const Run& r) { return r.coherence.mean.side; }},
     {"shot_deviation_height", [](const Run& r) { return r.coherence.mean.height; }},
     {"shot_deviation_size", [](const Run& r) { return r.coherence.mean.size; }},
@@ -277,7 +281,7 @@ void print_summary(std::ostream& out, std::span<const Run> runs) {
                total([](const Run& r) { return r.metrics.limit_violations; }),
                of("%.1f", [](const Run& r) { return r.metrics.d_c_m; }),
                percent(mean(group, [](const Run& r) { return r.coherence.kept_share; })),
-               of("%.2f", [](const Run& r) { return r.coherence.mean.mean(); }),
+               of("%.2f", [](const Run& r) { return mean_of(r.coherence.mean); }),
                of("%.2f", [](const Run& r) { return r.coherence.mean_acceleration_mps2; }),
                percent(mean(group, [](const Run& r) { return r.metrics.acceleration_limit_share; })),
                of("%.0f", [](const Run& r) { return r.metrics.rms_jerk_mps3; }),

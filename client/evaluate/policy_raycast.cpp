@@ -58,7 +58,7 @@ void RaycastPolicy::update_views() {
   for (const Target& target : world_->targets()) {
     const Instance& instance = *world_->mirror().find(target.instance_id);
     views_.push_back(
-        {aim_point_m(instance), instance.radius_m, glm::dvec3(0.0), target.weight, target.required});
+        {.aim_m = aim_point_m(instance), .radius_m = instance.radius_m, .weight = target.weight, .required = target.required});
   }
 }
 

@@ -7,7 +7,6 @@
 
 #include "server/aggregate/candidates.h"
 #include "server/base/camera.h"
-#include "server/move/coherence.h"
 #include "server/move/decision.h"
 #include "server/move/shot.h"
 #include "server/scene/target.h"

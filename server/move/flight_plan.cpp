@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "server/base/vector_clones.h"
+#include "server/move/picture_worth.h"
 #include "server/move/route.h"
 
 namespace sightline {
@@ -247,6 +248,13 @@ void FlightPlanner::add_distances(size_t slice, const glm::dvec3& point_m, doubl
   const glm::vec3 point(point_m - glm::dvec3(box_.low) * spacing_m_);
   add_distance(x_m_.data() + begin_, y_m_.data() + begin_, z_m_.data() + begin_, end_ - begin_, point.x, point.y, point.z,
                static_cast<float>(weight), others.data() + begin_, cost_[slice].data() + begin_);
+}
+
+void FlightPlanner::add_shot_losses(size_t slice, const glm::dvec3& center_m, const glm::dvec3& asked_m, const ShotWeights& weights, double weight) {
+  const ShotPlaces places{x_m_.data() + begin_, y_m_.data() + begin_, z_m_.data() + begin_, end_ - begin_,
+                          glm::vec3(center_m - glm::dvec3(box_.low) * spacing_m_)};
+  endless_shot_losses(places, asked_m, weights, scratch_.data() + begin_);
+  add_to(scratch_.data() + begin_, end_ - begin_, static_cast<float>(weight), cost_[slice].data() + begin_);
 }
 
 // Where the body fits at both ends of a leg that is shorter than two radii, nothing crosses the leg. So the least value at the ends of these

@@ -20,6 +20,7 @@
 
 #include "server/aggregate/places.h"
 #include "server/move/cell_table.h"
+#include "server/settings/move_settings.h"
 
 namespace sightline {
 
@@ -72,6 +73,9 @@ class FlightPlanner {
 
   // Adds `weight` >= 0 times the distance of each cell from a point, and `others`, by cell. Called after `blur`, at most once for each slice.
   void add_distances(size_t slice, const glm::dvec3& point_m, double weight, std::span<const float> others);
+  // Adds `weight` >= 0 times what a picture from each cell loses by departing from a shot (picture_worth.h). `center_m`: the targets' centre at that slice.
+  // `asked_m`: the asked offset from there, not zero. Called like add_distances.
+  void add_shot_losses(size_t slice, const glm::dvec3& center_m, const glm::dvec3& asked_m, const ShotWeights& weights, double weight);
   size_t cell_count() const { return box_.count(); }
 
   // The cheapest plan, after all costs are set. Its first point alone if no cell can be reached.

@@ -13,33 +13,9 @@
 namespace sightline {
 namespace {
 
-// A target counts in full at this many times the distance of the picture's edge from its middle. Less makes the camera keep away from targets that it
-// passes for a moment.
-constexpr float kFarOutside = 1.5f;
 constexpr float kShortest = 1e-6f;
+constexpr float kNearestM = 0.1f;   // a body is not taken to be nearer than this
 constexpr float kFarthest = 20.0f;  // the greatest tangent of an angle from the middle of a picture
-// Gaps at which targets are together and apart, in radii of a target.
-constexpr double kTogether = 3.0, kApart = 6.0;
-
-// The longest leg of the shortest tree that joins the points of the targets that count (R. C. Prim, "Shortest connection networks and some
-// generalizations", 1957).
-double widest_gap_m(std::span<const glm::dvec3> aim_m, std::span<const double> sight_weights) {
-  std::array<double, kMaxTargets> to_tree_m;
-  uint32_t left = 0;
-  for (size_t k = 0; k < aim_m.size(); ++k)
-    if (sight_weights[k] > 0) to_tree_m[k] = std::numeric_limits<double>::infinity(), left |= 1u << k;
-  double widest_m = 0;
-  for (bool first = true; left != 0; first = false) {
-    size_t nearest = static_cast<size_t>(std::countr_zero(left));
-    for (size_t k = nearest; k < aim_m.size(); ++k)
-      if (left >> k & 1u && to_tree_m[k] < to_tree_m[nearest]) nearest = k;
-    if (!first) widest_m = std::max(widest_m, to_tree_m[nearest]);
-    left &= ~(1u << nearest);
-    for (size_t k = 0; k < aim_m.size(); ++k)
-      if (left >> k & 1u) to_tree_m[k] = std::min(to_tree_m[k], glm::distance(aim_m[k], aim_m[nearest]));
-  }
-  return widest_m;
-}
 
 SIGHTLINE_VECTOR_CLONES
 void add_direction(const float* __restrict x, const float* __restrict y, const float* __restrict z, size_t count, float ax, float ay, float az,
@@ -87,19 +63,40 @@ struct Extents {
   float *least_right, *most_right, *least_up, *most_up;
 };
 
+// A body of a vertical axis from the origin of the places.
+struct Axis {
+  float x_m, low_m, high_m, z_m, aside_m;
+};
+
+// The rectangle around a body in the picture.
+struct Rectangle {
+  float left, right, low, high;
+};
+inline Rectangle rectangle_of(const Axis& body, float x, float y, float z, float fx, float fy, float fz, float rx, float rz) {
+  const float dx = body.x_m - x, dz = body.z_m - z, low_m = body.low_m - y, high_m = body.high_m - y;
+  const InPicture low = in_picture_of(dx, low_m, dz, fx, fy, fz, rx, rz), high = in_picture_of(dx, high_m, dz, fx, fy, fz, rx, rz);
+  const float level = dx * fx + dz * fz, low_depth = level + low_m * fy, high_depth = level + high_m * fy;
+  const float depth = low_depth < high_depth ? low_depth : high_depth;
+  const float aside = body.aside_m / (depth > kNearestM ? depth : kNearestM), slope = fy < 0 ? -fy : fy;
+  const float left = low.right < high.right ? low.right : high.right, right = low.right < high.right ? high.right : low.right;
+  const float down = low.up < high.up ? low.up : high.up, up = low.up < high.up ? high.up : low.up;
+  return {left - aside, right + aside, down - slope * aside, up + slope * aside};
+}
+
 SIGHTLINE_VECTOR_CLONES
-void include(const Places& places, size_t count, float ax, float ay, float az, const Extents& extents) {
+void include(const Places& places, size_t count, const Axis& axis, const Extents& extents) {
+  const Axis body = axis;
   const float *__restrict x = places.x_m, *__restrict y = places.y_m, *__restrict z = places.z_m;
   const float *__restrict fx = places.forward_x, *__restrict fy = places.forward_y, *__restrict fz = places.forward_z;
   const float *__restrict rx = places.right_x, *__restrict rz = places.right_z;
   float *__restrict least_right = extents.least_right, *__restrict most_right = extents.most_right, *__restrict least_up = extents.least_up,
                     *__restrict most_up = extents.most_up;
   for (size_t i = 0; i < count; ++i) {
-    const InPicture at = in_picture_of(ax - x[i], ay - y[i], az - z[i], fx[i], fy[i], fz[i], rx[i], rz[i]);
-    least_right[i] = at.right < least_right[i] ? at.right : least_right[i];
+    const Rectangle at = rectangle_of(body, x[i], y[i], z[i], fx[i], fy[i], fz[i], rx[i], rz[i]);
+    least_right[i] = at.left < least_right[i] ? at.left : least_right[i];
     most_right[i] = at.right > most_right[i] ? at.right : most_right[i];
-    least_up[i] = at.up < least_up[i] ? at.up : least_up[i];
-    most_up[i] = at.up > most_up[i] ? at.up : most_up[i];
+    least_up[i] = at.low < least_up[i] ? at.low : least_up[i];
+    most_up[i] = at.high > most_up[i] ? at.high : most_up[i];
   }
 }
 
@@ -116,32 +113,28 @@ void turn_to_middle(const Extents& extents, size_t count, float* __restrict forw
   }
 }
 
-// Adds the weight of a target as far as it is outside. `side` and `top` are the tangents of half the picture.
+// The share of [low, high] within [-edge, edge].
+inline float share_within(float low, float high, float edge) {
+  const float from = low > -edge ? low : -edge, to = high < edge ? high : edge;
+  const float length = high - low, inside = to - from;
+  return inside > 0 ? inside / (length > kShortest ? length : kShortest) : 0.0f;
+}
+
+// Adds the weight of a body as far as it is outside. `side` and `top` are the tangents of half the picture.
 SIGHTLINE_VECTOR_CLONES
-void add_outside(const Places& places, size_t count, float ax, float ay, float az, float side, float top, float weight, float* __restrict out) {
+void add_outside(const Places& places, size_t count, const Axis& axis, float side, float top, float weight, float* __restrict out) {
+  const Axis body = axis;
   const float *__restrict x = places.x_m, *__restrict y = places.y_m, *__restrict z = places.z_m;
   const float *__restrict fx = places.forward_x, *__restrict fy = places.forward_y, *__restrict fz = places.forward_z;
   const float *__restrict rx = places.right_x, *__restrict rz = places.right_z;
-  const float grows = weight / (kFarOutside - 1.0f);
   for (size_t i = 0; i < count; ++i) {
-    const InPicture at = in_picture_of(ax - x[i], ay - y[i], az - z[i], fx[i], fy[i], fz[i], rx[i], rz[i]);
-    const float to_side = std::abs(at.right) / side, to_top = std::abs(at.up) / top;
-    const float beyond = (to_side > to_top ? to_side : to_top) - 1.0f;
-    const float outside = beyond > 0.0f ? beyond * grows : 0.0f;
-    out[i] += outside < weight ? outside : weight;
+    const Rectangle at = rectangle_of(body, x[i], y[i], z[i], fx[i], fy[i], fz[i], rx[i], rz[i]);
+    const float inside = share_within(at.left, at.right, side) * share_within(at.low, at.high, top);
+    out[i] += weight * (1.0f - (inside < 1.0f ? inside : 1.0f));
   }
 }
 
-SIGHTLINE_VECTOR_CLONES
-void limit(size_t count, float most, float* __restrict values) {
-  for (size_t i = 0; i < count; ++i) values[i] = values[i] < most ? values[i] : most;
-}
-
 }  // namespace
-
-double apart(std::span<const glm::dvec3> aim_m, std::span<const double> sight_weights, double radius_m) {
-  return std::clamp((widest_gap_m(aim_m, sight_weights) / radius_m - kTogether) / (kApart - kTogether), 0.0, 1.0);
-}
 
 void PictureFit::set_places(std::span<const glm::dvec3> position_m) {
   origin_m_ = position_m.empty() ? glm::dvec3(0.0) : position_m.front();
@@ -152,38 +145,38 @@ void PictureFit::set_places(std::span<const glm::dvec3> position_m) {
   }
 }
 
-void PictureFit::outside_share(std::span<const glm::dvec3> aim_m, std::span<const double> sight_weights, const Lens& lens,
-                               std::span<float> share) {
+void PictureFit::outside_share(std::span<const Body> bodies, const Lens& lens, double margin, std::span<float> share) {
   std::fill(share.begin(), share.end(), 0.0f);
-  double all = 0, heaviest = 0;
-  for (const double weight : sight_weights) all += weight, heaviest = std::max(heaviest, weight);
-  if (!(heaviest < all)) return;
+  double all = 0;
+  for (const Body& body : bodies) all += body.weight;
+  if (!(all > 0)) return;
   const size_t count = x_m_.size();
   for (std::vector<float>* sums : {&forward_x_, &forward_y_, &forward_z_}) sums->assign(count, 0.0f);
-  const auto for_each_target = [&](const auto& visit) {
-    for (size_t k = 0; k < aim_m.size(); ++k)
-      if (sight_weights[k] > 0) visit(glm::vec3(aim_m[k] - origin_m_), static_cast<float>(sight_weights[k] / all));
+  for (std::vector<float>* least : {&least_right_, &least_up_}) least->assign(count, kFarthest);
+  for (std::vector<float>* most : {&most_right_, &most_up_}) most->assign(count, -kFarthest);
+  const auto for_each_body = [&](const auto& visit) {
+    for (const Body& body : bodies) {
+      if (!(body.weight > 0)) continue;
+      const glm::vec3 low_m(body.low_m - origin_m_), high_m(body.high_m - origin_m_);
+      visit(Axis{low_m.x, low_m.y, high_m.y, low_m.z, static_cast<float>(body.aside_m)}, static_cast<float>(body.weight / all));
+    }
   };
-  for_each_target([&](const glm::vec3& at_m, float) {
-    add_direction(x_m_.data(), y_m_.data(), z_m_.data(), count, at_m.x, at_m.y, at_m.z, forward_x_.data(), forward_y_.data(), forward_z_.data());
+  for_each_body([&](const Axis& axis, float) {
+    add_direction(x_m_.data(), y_m_.data(), z_m_.data(), count, axis.x_m, (axis.low_m + axis.high_m) / 2, axis.z_m, forward_x_.data(), forward_y_.data(),
+                  forward_z_.data());
   });
   const Places places{x_m_.data(), y_m_.data(), z_m_.data(), forward_x_.data(), forward_y_.data(), forward_z_.data(), right_x_.data(),
                       right_z_.data()};
   const auto look = [&] { look_without_roll(count, forward_x_.data(), forward_y_.data(), forward_z_.data(), right_x_.data(), right_z_.data()); };
   look();
-  if (aim_m.size() > 2) {  // for two, the mean direction is the middle
-    for (std::vector<float>* least : {&least_right_, &least_up_}) least->assign(count, kFarthest);
-    for (std::vector<float>* most : {&most_right_, &most_up_}) most->assign(count, -kFarthest);
-    const Extents extents{least_right_.data(), most_right_.data(), least_up_.data(), most_up_.data()};
-    for_each_target([&](const glm::vec3& at_m, float) { include(places, count, at_m.x, at_m.y, at_m.z, extents); });
-    turn_to_middle(extents, count, forward_x_.data(), forward_y_.data(), forward_z_.data(), right_x_.data(), right_z_.data());
-    look();
-  }
-  const double top = std::tan(lens.vertical_fov_rad / 2);
-  for_each_target([&](const glm::vec3& at_m, float weight) {
-    add_outside(places, count, at_m.x, at_m.y, at_m.z, static_cast<float>(top * lens.aspect), static_cast<float>(top), weight, share.data());
+  const Extents extents{least_right_.data(), most_right_.data(), least_up_.data(), most_up_.data()};
+  for_each_body([&](const Axis& axis, float) { include(places, count, axis, extents); });
+  turn_to_middle(extents, count, forward_x_.data(), forward_y_.data(), forward_z_.data(), right_x_.data(), right_z_.data());
+  look();
+  const double top = (1 - margin) * std::tan(lens.vertical_fov_rad / 2);
+  for_each_body([&](const Axis& axis, float weight) {
+    add_outside(places, count, axis, static_cast<float>(top * lens.aspect), static_cast<float>(top), weight, share.data());
   });
-  limit(count, static_cast<float>((all - heaviest) / all), share.data());
 }
 
 }  // namespace sightline

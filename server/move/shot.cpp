@@ -4,20 +4,15 @@
 #include <array>
 #include <limits>
 
-#include "server/base/check.h"
-#include "server/move/choose.h"
-#include "server/scene/target.h"
+#include "server/move/sight_weight.h"
 
 namespace sightline {
 namespace {
 
-// The sum of the shot costs (coherence.h) against the asked and against the present shot.
-double cost_of(const ShotCandidate& candidate, const ShotState& asked, const ShotState& present,
-               std::span<const TrackedTarget> targets, const CoherenceSettings& coherence) {
-  return (shot_cost(candidate, asked, targets, coherence) +
-          shot_cost(candidate, present, targets, coherence)) /
-         2;
-}
+// How much a departure from the present shot counts beside one from the asked shot. Viewers bear a detour better than a jump of the eye.
+constexpr double kChange = 0.3;
+// Shots are compared with one lens, so its field of view has no effect.
+constexpr double kAnyFovRad = 1.0;
 
 // What is known of a viewpoint, target by target.
 struct SharesAt {
@@ -31,11 +26,30 @@ struct SharesAt {
   std::span<const float> share_beside() const { return std::span(beside).first(targets); }
 };
 
-}  // namespace
+class ShotCosts {
+ public:
+  ShotCosts(const ViewpointMap& viewpoints, std::span<const TrackedTarget> targets, const ShotWish& wish, const MoveSettings& settings)
+      : viewpoints_(viewpoints), targets_(targets), settings_(settings), asked_(shot_from(wish.asked_m, kAnyFovRad)),
+        present_(shot_from(wish.present_m, kAnyFovRad)) {}
 
-Pose pose_of_shot(const glm::dvec3& center_m, const glm::dvec3& offset_m) {
-  return {center_m + offset_m, look_rotation(-offset_m, {0, 1, 0}, {1, 0, 0})};
-}
+  double sight_loss(size_t place) const {
+    const SharesAt shares(viewpoints_, targets_.size(), place);
+    return std::lerp(hidden_share(targets_, shares.seen_share()), hidden_share(targets_, shares.share_beside()), settings_.predictive_power);
+  }
+  double shot_cost(size_t place) const {
+    const ShotProperties shot = shot_from(viewpoints_.offset_m(place), kAnyFovRad);
+    return settings_.keep_shot * (endless_shot_loss(deviation_between(asked_, shot), settings_.shot) +
+                                  kChange * endless_shot_loss(deviation_between(present_, shot), settings_.shot));
+  }
+
+ private:
+  const ViewpointMap& viewpoints_;
+  const std::span<const TrackedTarget> targets_;
+  const MoveSettings& settings_;
+  const ShotProperties asked_, present_;
+};
+
+}  // namespace
 
 double hidden_round_about(const ViewpointMap& viewpoints, std::span<const TrackedTarget> targets, size_t place) {
   const SharesAt shares(viewpoints, targets.size(), place);
@@ -44,36 +58,29 @@ double hidden_round_about(const ViewpointMap& viewpoints, std::span<const Tracke
   return std::max(first, alike) / 2;
 }
 
-std::optional<size_t> choose_shot(const ViewpointMap& viewpoints, std::span<const TrackedTarget> targets,
-                                  const ShotState& asked, size_t asked_place, const ShotState& present,
-                                  size_t former, double take_asked_below, const ViewpointSearchSettings& settings,
-                                  const CoherenceSettings& coherence,
-                                  const std::function<bool(const glm::dvec3& offset_m)>& allowed) {
-  const glm::dvec3 center_m = weighted_center_m(targets);
+std::optional<size_t> choose_shot(const ViewpointMap& viewpoints, std::span<const TrackedTarget> targets, const ShotWish& wish,
+                                  const MoveSettings& settings, const std::function<bool(const glm::dvec3& offset_m)>& allowed) {
   const auto is_good_enough = [&](size_t place, double hidden_below) {
     return hidden_round_about(viewpoints, targets, place) <= hidden_below && allowed(viewpoints.offset_m(place));
   };
-  if (is_good_enough(asked_place, take_asked_below)) return asked_place;
-  if (is_good_enough(former, settings.keep_shot_below)) return former;
+  if (is_good_enough(wish.asked_place, wish.take_asked_below)) return wish.asked_place;
+  if (is_good_enough(wish.former_place, settings.viewpoint_search.keep_shot_below)) return wish.former_place;
+  const ShotCosts costs(viewpoints, targets, wish, settings);
   double least = std::numeric_limits<double>::infinity();
   std::optional<size_t> best;
   // The first of equal viewpoints wins, in whichever order they are tried.
   const auto try_place = [&](size_t place) {
-    const SharesAt shares(viewpoints, targets.size(), place);
-    ShotCandidate candidate{.world_from_camera = {}, .seen_share = shares.seen_share()};
-    candidate.hidden_ahead = hidden_share(targets, shares.share_beside());
-    const double hold = place == former ? settings.switch_margin : 0.0;
-    if (unseen_cost(candidate, targets, coherence) - hold > least) return;
-    // Last, because it is the most expensive part.
-    candidate.world_from_camera = pose_of_shot(center_m, viewpoints.offset_m(place));
-    const double cost = cost_of(candidate, asked, present, targets, coherence) - hold;
+    const double hold = place == wish.former_place ? settings.viewpoint_search.switch_margin : 0.0;
+    const double sight_loss = costs.sight_loss(place);
+    if (sight_loss - hold > least) return;
+    const double cost = sight_loss + costs.shot_cost(place) - hold;
     const bool better = cost < least || (cost == least && best && place < *best);
     if (better && allowed(viewpoints.offset_m(place))) least = cost, best = place;
   };
   // The former viewpoint is usually near the best, so trying it first rules out most others cheaply.
-  try_place(former);
+  try_place(wish.former_place);
   for (size_t place = 0; place < ViewpointMap::kViewpoints; ++place)
-    if (place != former) try_place(place);
+    if (place != wish.former_place) try_place(place);
   return best;
 }
 

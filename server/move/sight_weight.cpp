@@ -10,6 +10,16 @@ namespace {
 // Less than one of eight sampled points, so that not even one point of a required target is given up for an optional target.
 constexpr double kOptionalShare = 0.1;
 
+// 1 - the mean of what is seen, by weights; 0 when no target has a weight.
+double hidden_mean(std::span<const TrackedTarget> targets, std::span<const float> seen_share, auto weight_of) {
+  double hidden = 0, all = 0;
+  for (size_t i = 0; i < targets.size(); ++i) {
+    const double weight = weight_of(targets[i]);
+    hidden += weight * (1 - static_cast<double>(seen_share[i])), all += weight;
+  }
+  return all > 0 ? hidden / all : 0.0;
+}
+
 }  // namespace
 
 double optional_share(std::span<const TrackedTarget> targets) {
@@ -23,6 +33,15 @@ double optional_share(std::span<const TrackedTarget> targets) {
   }
   if (lightest_required == std::numeric_limits<double>::infinity()) return 1.0;
   return optional > lightest_required ? kOptionalShare * (lightest_required / optional) : kOptionalShare;
+}
+
+double hidden_share(std::span<const TrackedTarget> targets, std::span<const float> seen_share) {
+  const double optional = optional_share(targets);
+  return hidden_mean(targets, seen_share, [&](const TrackedTarget& target) { return sight_weight(target, optional); });
+}
+
+double hidden_share_by_weight(std::span<const TrackedTarget> targets, std::span<const float> seen_share) {
+  return hidden_mean(targets, seen_share, [](const TrackedTarget& target) { return target.weight; });
 }
 
 double effective_count(std::span<const double> sight_weights) {

@@ -16,6 +16,12 @@ inline double sight_weight(const TrackedTarget& target, double optional_share) {
   return target.required ? target.weight : target.weight * optional_share;
 }
 
+// The share of the targets that is not seen, [0, 1]; 0 when none is steered. Targets count by `sight_weight`: no weight of an
+// optional target makes up for a required one. `seen_share` has one entry a target.
+double hidden_share(std::span<const TrackedTarget> targets, std::span<const float> seen_share);
+// The same, with required and optional targets alike by their weights.
+double hidden_share_by_weight(std::span<const TrackedTarget> targets, std::span<const float> seen_share);
+
 // The number of equal targets that share their weight as these do: (sum w)^2 / sum w^2. Targets of little weight hardly count. 0 without a weight.
 double effective_count(std::span<const double> sight_weights);
 

@@ -9,11 +9,6 @@ Status check_rules(const CostWeights& w) {
                            {w.occlusion, w.distance, w.route});
 }
 
-Status check_rules(const CoherenceSettings& s) {
-  return check_some_weight("tuning.move.coherence", "visibility, view_angle, height, distance and screen",
-                           {s.visibility, s.view_angle, s.height, s.distance, s.screen});
-}
-
 Status check_rules(const MoveSettings& s) {
   return check_range("settings.max_distance_m", s.max_distance_m, 1e-6, 10000.0);
 }

@@ -15,8 +15,6 @@ Status check_rules(const Group&) {
 
 // At least one of occlusion, distance and route is above 0: otherwise all candidates cost the same.
 Status check_rules(const CostWeights& weights);
-// At least one of the five weights is above 0.
-Status check_rules(const CoherenceSettings& settings);
 // The greatest distance is no tiny number, although the least one may be 0.
 Status check_rules(const MoveSettings& settings);
 // A zoom range has both ends or none.

@@ -2,6 +2,7 @@
 // (paper 3.3, 5).
 #include <algorithm>
 
+#include "server/base/inline_vector.h"
 #include "server/move/framing.h"
 #include "server/move/sight_weight.h"
 #include "server/step/stages.h"
@@ -108,19 +109,15 @@ void Aggregation::add_up_hidden() {
     sights_.hidden[i] = std::clamp(by_staying[i] + by_passing[i], 0.0, 1.0);
 }
 
-// The share of the targets that pictures from each cell cannot hold, as far as the targets have come apart.
+// The share of the targets' bodies that pictures from each cell cut off.
 void Aggregation::find_outside(std::span<const glm::dvec3> aim_m) {
-  double radii_m = 0, weighing = 0;
-  for (size_t i = 0; i < step_.target_count(); ++i)
-    if (step_.targets.sight_weights[i] > 0) radii_m += step_.targets.tracked_targets[i].radius_m, weighing += 1;
-  const bool stays = step_.input.settings.move.follow == Follow::kStay;
-  const double radius_m = 1e-3 + radii_m / std::max(weighing, 1.0);
-  const auto apart_by = stays ? 0.0f : static_cast<float>(apart(aim_m, step_.targets.sight_weights, radius_m));
-  if (apart_by == 0) return scratch_.outside.assign(memory_.lattice.size(), 0.0f);
-  scratch_.picture_fit.set_places(std::span(sights_.position_m).first(memory_.lattice.size()));
-  scratch_.picture_fit.outside_share(aim_m, step_.targets.sight_weights, widest(step_.lens, step_.input.settings.framing), scratch_.outside);
-  const double several = std::max(1.0, effective_count(step_.targets.sight_weights) / 2);
-  for (float& share : scratch_.outside) share *= apart_by / static_cast<float>(several * several);
+  InlineVector<Body, kMaxTargets> bodies;
+  for (size_t i = 0; i < step_.target_count(); ++i) {
+    const TrackedTarget& target = step_.targets.tracked_targets[i];
+    bodies.push_back({aim_m[i] - glm::dvec3(0, target.low_m, 0), aim_m[i] + glm::dvec3(0, target.high_m, 0), target.aside_m, step_.targets.sight_weights[i]});
+  }
+  const FramingSettings& framing = step_.input.settings.framing;
+  scratch_.picture_fit.outside_share(bodies, widest(step_.lens, framing), framing.framing_margin, scratch_.outside);
 }
 
 // What a picture from each cell is expected to lack at the slices that are due.
@@ -132,18 +129,20 @@ void Aggregation::renew_slices() {
   ahead.advance(memory_.lattice, step_.move_s);
   const size_t cells = memory_.lattice.size();
   const double count = effective_count(step_.targets.sight_weights);
-  scratch_.shares.resize(cells), scratch_.outside.resize(cells);
+  scratch_.shares.resize(cells), scratch_.outside.assign(cells, 0.0f);
+  const bool stays = step_.input.settings.move.follow == Follow::kStay;
+  if (!stays && !plan_.slices.empty()) scratch_.picture_fit.set_places(std::span(sights_.position_m).first(cells));
   for (const SampledSlice& slice : plan_.slices) {
     HiddenShares& hidden = scratch_.hidden_by;
     hidden.reset(scratch_.places.size());
     scratch_.composer.add_hidden(taken_.of(slice.sampled), settings_.relative_bias, hidden_weights(1.0), hidden);
     take_from_moved_cells(hidden.by_staying);
     take_from_moved_cells(hidden.by_passing);
-    find_outside(slice.aim_m);
+    if (!stays) find_outside(slice.aim_m);
     // Before renewals are averaged, since a target is rarely whole where it is often hidden in part.
     for (size_t i = 0; i < cells; ++i) {
-      const double share = std::max(hidden.by_staying[i] + hidden.by_passing[i], static_cast<double>(scratch_.outside[i]));
-      scratch_.shares[i] = static_cast<float>(picture_loss(std::min(share, 1.0), count));
+      const double seen = 1 - std::min(hidden.by_staying[i] + hidden.by_passing[i], 1.0), inside = 1 - static_cast<double>(scratch_.outside[i]);
+      scratch_.shares[i] = static_cast<float>(picture_loss(1 - seen * inside, count));
     }
     ahead.renew(slice.due.slice, memory_.lattice, scratch_.shares, kNewShare);
   }

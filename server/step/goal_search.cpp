@@ -9,7 +9,6 @@
 
 #include "server/base/inline_vector.h"
 #include "server/move/best_acceleration.h"
-#include "server/move/coherence.h"
 #include "server/move/sight_weight.h"
 #include "server/step/stages.h"
 
@@ -88,6 +87,10 @@ class PlanPricer {
     const double factor = several_factor(count_);
     occlusion_ = weights_.occlusion * factor, tolerance_ = weights_.tolerance / factor, distance_ = weights_.distance / (factor * factor);
     const double kept_share = in.step.input.settings.move.viewpoint_search.keep_shot_below;
+    const MoveSettings& settings = in.step.input.settings.move;
+    shot_ = weights_.occlusion * settings.keep_shot;
+    const glm::dvec3 asked_m = in.carried.shot.in_line_m.value_or(framed_offset_m(in.step, in.carried.shot.asked_offset_m));
+    if (settings.follow == Follow::kOffset && glm::length(asked_m) > kHereM) asked_m_ = asked_m;
     if (targets_stand(in.step)) tolerance_ = std::max(tolerance_, picture_loss(kept_share, count_));
   }
 
@@ -106,6 +109,7 @@ class PlanPricer {
       price_hidden(slice);
       planner_.blur(slice, weights_.surroundings);
       planner_.add_distances(slice, in_.desired_m + group_mps_ * ahead_.ahead_s(slice), distance_, outside_);
+      if (asked_m_) planner_.add_shot_losses(slice, in_.step.center_m() + group_mps_ * ahead_.ahead_s(slice), *asked_m_, in_.step.input.settings.move.shot, shot_);
     }
   }
 
@@ -158,6 +162,8 @@ class PlanPricer {
   const double count_;  // of targets, see effective_count
   bool guesses_ahead_ = false;  // false behind a fast target, see guessed_share
   double occlusion_ = 0, tolerance_ = 0, distance_ = 0;
+  std::optional<glm::dvec3> asked_m_;  // the offset from the targets' centre to the camera that pictures are compared with; empty: they are not
+  double shot_ = 0;
 };
 
 FlightSettings flight_settings(const MoveInput& in) {

@@ -25,13 +25,13 @@ bool keeps_shot(const TargetsNow& targets, const WantedShot& before) {
   return before.is_set && before.target_set == hash_of(targets, targets.weighted);
 }
 
-// The shot belongs to one set of targets. When the set changes, the camera's present position defines a new shot. So
-// the camera does not jump when a target is added, removed or switched off. A target that is given up still belongs to
-// the set, and the others are shown from the same side and distance.
+// The first targets, and the first ones after a cut, define the shot by where the camera is then. It outlives them: targets that join, leave or take turns are shown from
+// the same side, height and distance. What was found out about them starts again. A target that is given up still belongs to the set.
 WantedShot shot_of(const TargetsNow& targets, const glm::dvec3& camera_m, const WantedShot& before) {
   if (targets.steered == 0 || keeps_shot(targets, before)) return before;
   WantedShot shot = before;
-  shot.offset_m = shot.asked_offset_m = camera_m - weighted_center_m(targets.tracked_targets);
+  if (!before.is_set) shot.asked_offset_m = camera_m - weighted_center_m(targets.tracked_targets);
+  shot.offset_m = shot.asked_offset_m;
   shot.viewpoint.reset();
   shot.asked_seen_s = 0.0;
   shot.in_line_m.reset(), shot.line_closed_s = shot.all_kept_s = 0.0;

@@ -160,7 +160,7 @@ Choice choose(const MoveInput& in, MoveScratch& scratch) {
                     swept_radius_m(in.step.input.limits, in.step.lens));
   const auto is_free = [&](const glm::dvec3& position_m) { return ways.is_free(position_m); };
   const Reachable reachable = std::cref(is_free);  // by reference: nothing is allocated
-  const double ahead_weight = in.step.input.settings.move.coherence.predictive_power * in.plan.ahead_confidence;
+  const double ahead_weight = in.step.input.settings.move.predictive_power * in.plan.ahead_confidence;
   if (settings.strategy == Strategy::kBasic)
     return choose_basic(candidates, targets, in.desired_m, ahead_weight, settings, reachable, scratch.choice_scratch);
   set_robust_costs(in, scratch);

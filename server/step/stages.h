@@ -11,7 +11,6 @@
 
 #include "server/aggregate/compose.h"
 #include "server/move/choose.h"
-#include "server/move/coherence.h"
 #include "server/move/flight_plan.h"
 #include "server/move/picture_fit.h"
 #include "server/move/route.h"
@@ -131,11 +130,7 @@ ViewpointLook plan_look(const SampleInput& input, std::vector<MapView>& views);
 void request_look(const SampleInput& input, SamplePlan& plan);
 
 // Updates the viewpoints from those maps, and chooses the shot that the camera tries to keep.
-struct ViewpointScratch {
-  ShotState asked, present;
-};
-void search_viewpoints(const StepContext& step, const TakenMaps& taken, ViewpointMap& viewpoints, WantedShot& shot,
-                       ViewpointScratch& scratch);
+void search_viewpoints(const StepContext& step, const TakenMaps& taken, ViewpointMap& viewpoints, WantedShot& shot);
 
 // ---- aggregate (aggregate_stage.cpp; paper 3.3, 5): which candidates see which targets, now, lately and soon? ----
 

@@ -65,7 +65,6 @@ struct Stepper::Work {
   std::array<int64_t, kStageCount> stage_ns{};
 
   SampleScratch sample;
-  ViewpointScratch viewpoints;
   AggregateScratch aggregate;
   MoveScratch move;
   CutScratch cut;
@@ -132,7 +131,7 @@ StepResult Stepper::finish(const StageClock& clock) {
   {  // 3. Which candidates see which targets, now and over the last steps, and which shot is best?
     const StageTimer timer = work.time(clock, Stage::kAggregate);
     const WantedShot before = carried_.shot;
-    search_viewpoints(step, taken, carried_.viewpoints, carried_.shot, work.viewpoints);
+    search_viewpoints(step, taken, carried_.viewpoints, carried_.shot);
     line_up_shot(step, carried_.viewpoints, carried_.shot);
     dump_.new_shot = carried_.shot.other_viewpoint() != before.other_viewpoint() || carried_.shot.in_line_m.has_value() != before.in_line_m.has_value();
     if (step.targets.steered != 0) desired_m = desired_position_m(step, carried_.shot);

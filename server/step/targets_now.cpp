@@ -12,6 +12,17 @@ namespace {
 // A target slower than this counts as standing.
 constexpr double kStandingMps = 0.2;
 
+// Takes the world box of an instance into the extents of a target's body. The box of a thing that turns swings, so its two sides are averaged.
+void include(const Instance& instance, TrackedTarget& view) {
+  const Aabb& bounds = instance.geometry->bounds;
+  const glm::dvec3 from_aim_m = transform_point(instance.world_from_instance, glm::dvec3(bounds.center())) - view.aim_m;
+  glm::dvec3 half_m(0.0);
+  for (int axis = 0; axis < 3; ++axis) half_m += glm::abs(instance.world_from_instance[axis]) * static_cast<double>(bounds.half_extent()[axis]);
+  view.low_m = std::max(view.low_m, half_m.y - from_aim_m.y);
+  view.high_m = std::max(view.high_m, half_m.y + from_aim_m.y);
+  view.aside_m = std::max(view.aside_m, std::hypot(from_aim_m.x, from_aim_m.z) + (half_m.x + half_m.z) / 2);
+}
+
 // The aim point stays on the target's own instance: the middle of all pieces would swing with every limb.
 TrackedTarget view_of(const StepInput& input, const Target& target, std::span<const TargetPiece> pieces) {
   const Instance& instance = *input.scene.find(target.instance_id);
@@ -22,6 +33,7 @@ TrackedTarget view_of(const StepInput& input, const Target& target, std::span<co
     const Instance& of = input.scene.instances()[piece.slot];
     const double aside_m = &of == &instance ? 0.0 : glm::distance(view.aim_m, of.center_m);
     view.radius_m = std::max(view.radius_m, aside_m + of.radius_m);
+    include(of, view);
   }
   view.velocity_mps = instance.velocity_mps;
   view.weight = target.weight;

@@ -54,33 +54,23 @@ glm::dvec3 looking_point_m(const Instance& instance, CounterRandom& random) {
   return transform_point(instance.world_from_instance, glm::dvec3(box.center()) + from_center);
 }
 
-// The shot from this offset that looks at the targets' centre, with all targets taken as visible.
-void capture(const StepContext& step, const glm::dvec3& offset_m, ShotState& shot) {
-  std::array<float, kMaxTargets> seen;
-  seen.fill(1.0f);
-  capture_shot(pose_of_shot(step.center_m(), offset_m), step.lens, step.targets.tracked_targets,
-               std::span<const float>(seen).first(step.target_count()), shot);
-}
-
-void choose_viewpoint(const StepContext& step, const ViewpointMap& viewpoints, WantedShot& shot, ViewpointScratch& scratch) {
+void choose_viewpoint(const StepContext& step, const ViewpointMap& viewpoints, WantedShot& shot) {
   MoveSettings settings = step.input.settings.move;
   const bool stand = targets_stand(step);
   if (!stand) settings.viewpoint_search.keep_shot_below = 0;
   const glm::dvec3 center_m = step.center_m(), present_m = step.camera.pose.position_m - center_m;
   if (glm::length(present_m) < 1e-6 || glm::length(shot.asked_offset_m) < 1e-6) return;
-  capture(step, framed_offset_m(step, shot.asked_offset_m), scratch.asked);
-  capture(step, present_m, scratch.present);
+  ShotWish wish{.asked_m = framed_offset_m(step, shot.asked_offset_m), .present_m = present_m};
   const auto allowed = [&](const glm::dvec3& offset_m) {
     return within_limits(center_m + offset_m, step.targets.tracked_targets, settings) && shows_group(step, offset_m);
   };
-  shot.asked_viewpoint = viewpoints.nearest_viewpoint(scratch.asked.from_center_m);
+  wish.asked_place = shot.asked_viewpoint = viewpoints.nearest_viewpoint(wish.asked_m);
+  wish.former_place = shot.viewpoint.value_or(shot.asked_viewpoint);
   const bool is_seen = hidden_round_about(viewpoints, step.targets.tracked_targets, shot.asked_viewpoint) <= kAskedIsGoodBelow;
   shot.asked_seen_s = is_seen ? shot.asked_seen_s + kStepsPerChoice * step.move_s : 0.0;
   const bool is_good = !stand && shot.asked_seen_s >= kAskedIsGoodS;
-  const double take_asked_below = is_good ? kAskedIsGoodBelow : settings.viewpoint_search.keep_shot_below;
-  shot.viewpoint = choose_shot(viewpoints, step.targets.tracked_targets, scratch.asked, shot.asked_viewpoint,
-                               scratch.present, shot.viewpoint.value_or(shot.asked_viewpoint), take_asked_below, settings.viewpoint_search,
-                               settings.coherence, std::cref(allowed));
+  wish.take_asked_below = is_good ? kAskedIsGoodBelow : settings.viewpoint_search.keep_shot_below;
+  shot.viewpoint = choose_shot(viewpoints, step.targets.tracked_targets, wish, settings, std::cref(allowed));
 }
 
 // Drops the results, which would be outdated when the search is switched on again, and returns to the client's shot.
@@ -137,8 +127,7 @@ void request_look(const SampleInput& in, SamplePlan& plan) {
                            .ignored_slots = in.step.targets.ignored_slots[look.target]};
 }
 
-void search_viewpoints(const StepContext& step, const TakenMaps& taken, ViewpointMap& viewpoints, WantedShot& shot,
-                       ViewpointScratch& scratch) {
+void search_viewpoints(const StepContext& step, const TakenMaps& taken, ViewpointMap& viewpoints, WantedShot& shot) {
   const ViewpointLook& look = taken.plan.look;
   if (!look.searches) return stop_search(viewpoints, shot);
   if (step.move_s <= 0) return;
@@ -146,7 +135,7 @@ void search_viewpoints(const StepContext& step, const TakenMaps& taken, Viewpoin
   viewpoints.follow(step.targets.ids, viewpoint_distance_m(step, shot));
   viewpoints.learn(look.target, taken.maps.subspan(look.maps.first, look.maps.count), step.center_m(),
                    taken.settings.relative_bias, step.move_s * static_cast<double>(step.target_count()), memory_s);
-  if (knows_viewpoints(step, viewpoints) && step.input.tick % kStepsPerChoice == 0) choose_viewpoint(step, viewpoints, shot, scratch);
+  if (knows_viewpoints(step, viewpoints) && step.input.tick % kStepsPerChoice == 0) choose_viewpoint(step, viewpoints, shot);
   if (!shot.viewpoint) return;
   // Viewpoints are coarse. If the client's nearest viewpoint is chosen, the camera takes exactly the client's shot.
   shot.offset_m =

@@ -24,10 +24,9 @@ struct Filming {
   std::vector<TrackedTarget> targets;
   std::vector<uint64_t> ids;
   ViewpointMap viewpoints;
-  ShotState asked, present;
+  glm::dvec3 asked_m{0.0}, present_m{0.0};
   size_t former = 0;
-  ViewpointSearchSettings settings{.keep_shot_below = -1, .switch_margin = 0};  // no shot is good enough to be kept unweighed
-  CoherenceSettings coherence;
+  MoveSettings move;
   double take_asked_below = -1;
 
   explicit Filming(std::vector<double> weights = {1.0}) {
@@ -37,17 +36,12 @@ struct Filming {
       t.radius_m = 0.5, t.weight = weights[i];
       targets.push_back(t), ids.push_back(i + 1);
     }
+    move.viewpoint_search.keep_shot_below = -1, move.viewpoint_search.switch_margin = 0;  // no shot is good enough to be kept unweighed
     viewpoints.follow(ids, 6.0);
     shoot(viewpoints.offset_m(20));
   }
   glm::dvec3 center() const { return weighted_center_m(targets); }
-  Pose pose_at(const glm::dvec3& offset) const {
-    return {center() + offset, look_rotation(-offset, {0, 1, 0}, {1, 0, 0})};
-  }
-  void capture(const glm::dvec3& offset, ShotState& shot) {
-    capture_shot(pose_at(offset), {}, targets, std::vector<float>(targets.size(), 1.0f), shot);
-  }
-  void shoot(const glm::dvec3& offset) { capture(offset, asked), capture(offset, present); }
+  void shoot(const glm::dvec3& offset_m) { asked_m = present_m = offset_m; }
   // Every viewpoint sees target `i` except those in `hidden`, and those farther out in the same directions.
   void look(size_t i, const std::set<size_t>& hidden) {
     RoundMaps maps(center(), 64);
@@ -55,8 +49,9 @@ struct Filming {
     viewpoints.learn(i, maps.maps, center(), 0.0, 1e6, 0.1);
   }
   std::optional<size_t> choose(const std::function<bool(const glm::dvec3&)>& allowed = kAnywhere) const {
-    return choose_shot(viewpoints, targets, asked, viewpoints.nearest_viewpoint(asked.from_center_m), present, former,
-                       std::max(take_asked_below, settings.keep_shot_below), settings, coherence, allowed);
+    const ShotWish wish{.asked_m = asked_m, .present_m = present_m, .asked_place = viewpoints.nearest_viewpoint(asked_m), .former_place = former,
+                        .take_asked_below = std::max(take_asked_below, move.viewpoint_search.keep_shot_below)};
+    return choose_shot(viewpoints, targets, wish, move, allowed);
   }
 };
 
@@ -86,7 +81,7 @@ TEST(Shot, OneThatIsHiddenIsLeftForOneNearBy) {
 TEST(Shot, LiesBetweenTheOneAskedForAndTheOneThatIs) {
   Filming film;
   film.look(0, {});
-  film.capture({6, 1, 0}, film.asked), film.capture({0, 1, 6}, film.present);
+  film.asked_m = {6, 1, 0}, film.present_m = {0, 1, 6};
   const auto chosen = film.choose();
   ASSERT_TRUE(chosen);
   const glm::dvec3 offset = film.viewpoints.offset_m(*chosen);
@@ -113,7 +108,7 @@ TEST(Shot, OnlyAllowedPlacesAreTaken) {
 TEST(Shot, EqualsAreDecidedByTheirOrder) {
   Filming film;
   film.look(0, {});
-  film.coherence.responsiveness = 1;
+  film.move.keep_shot = 0;
   EXPECT_EQ(film.choose(), 0u);
   EXPECT_EQ(film.choose([&](const glm::dvec3& offset) { return offset != film.viewpoints.offset_m(0); }), 1u);
 }
@@ -122,14 +117,14 @@ TEST(Shot, EqualsAreDecidedByTheirOrder) {
 TEST(Shot, HoldsTheFormerPlaceUpToItsShare) {
   Filming film({1.0, 0.1});
   film.look(0, {}), film.look(1, {70});
-  film.coherence.responsiveness = 1, film.coherence.predictive_power = 0;
+  film.move.keep_shot = 0, film.move.predictive_power = 0;
   const double worse = 0.1 / 1.1;  // all else is equal: place 70 alone hides the lighter target
   film.former = 70;
-  film.settings.switch_margin = worse + 0.01;
+  film.move.viewpoint_search.switch_margin = worse + 0.01;
   EXPECT_EQ(film.choose(), 70u);
-  film.settings.switch_margin = worse - 0.01;
+  film.move.viewpoint_search.switch_margin = worse - 0.01;
   EXPECT_NE(film.choose(), 70u);
-  film.settings.switch_margin = 1;
+  film.move.viewpoint_search.switch_margin = 1;
   film.former = 0;
   EXPECT_NE(film.choose(), 70u);
 }
@@ -139,7 +134,7 @@ TEST(Shot, HoldsTheFormerPlaceUpToItsShare) {
 TEST(Shot, OneThatIsGoodEnoughIsKeptUnweighed) {
   Filming film;
   film.shoot(film.viewpoints.offset_m(86)), film.former = 186;
-  film.coherence.responsiveness = 0, film.coherence.visibility = 0, film.settings.keep_shot_below = 0.1;
+  film.move.keep_shot = 10, film.move.viewpoint_search.keep_shot_below = 0.1;
   film.look(0, {});
   EXPECT_EQ(film.choose(), 86u);
   film.look(0, {86});
@@ -148,17 +143,17 @@ TEST(Shot, OneThatIsGoodEnoughIsKeptUnweighed) {
       << "weighed, and only the change counts";
   film.look(0, {86 + kNextAzimuth, 86 - kNextAzimuth});
   EXPECT_EQ(film.choose(), 186u) << "half of what is beside it is hidden";
-  film.settings.keep_shot_below = 0.6;
+  film.move.viewpoint_search.keep_shot_below = 0.6;
   EXPECT_EQ(film.choose(), 86u);
 }
 
 // While the targets move, no shot is kept unweighed but the asked one.
 TEST(Shot, TheAskedOneIsTakenAgainAsSoonAsItIsGood) {
   Filming film;
-  film.capture(film.viewpoints.offset_m(86), film.asked), film.capture(film.viewpoints.offset_m(186), film.present);
-  film.former = 186, film.settings.switch_margin = 0.1;
+  film.asked_m = film.viewpoints.offset_m(86), film.present_m = film.viewpoints.offset_m(186);
+  film.former = 186, film.move.viewpoint_search.switch_margin = 0.1, film.move.keep_shot = 0.05;
   film.look(0, {});
-  EXPECT_EQ(film.choose(), 186u) << "as good, and no change";
+  EXPECT_EQ(film.choose(), 186u) << "the asked one gains less than the margin";
   film.take_asked_below = 0.05;
   EXPECT_EQ(film.choose(), 86u);
   film.look(0, {86});
@@ -169,14 +164,14 @@ TEST(Shot, WhatIsHiddenBesideCountsByThePredictivePower) {
   Filming film;
   // The neighbours of a viewpoint in a middle ring, which itself sees the target.
   film.look(0, {86 + kNextAzimuth, 86 - kNextAzimuth, 86 + kNextElevation, 86 - kNextElevation});
-  film.coherence.responsiveness = 1, film.coherence.predictive_power = 0;
+  film.move.keep_shot = 0, film.move.predictive_power = 0;
   const auto only = [&](size_t a, size_t b) {
     return [&film, a, b](const glm::dvec3& offset) {
       return offset == film.viewpoints.offset_m(a) || offset == film.viewpoints.offset_m(b);
     };
   };
   EXPECT_EQ(film.choose(only(86, 186)), 86u) << "both are seen";
-  film.coherence.predictive_power = 0.5;
+  film.move.predictive_power = 0.5;
   EXPECT_EQ(film.choose(only(86, 186)), 186u) << "nothing is hidden beside it";
 }
 
@@ -188,8 +183,8 @@ TEST(Shot, NoWeightOfAnOptionalTargetMakesUpForTheRequiredOne) {
     Filming film({std::pow(10.0, random.next_in(-3, 3)), std::pow(10.0, random.next_in(-3, 6))});
     film.targets[1].required = false;
     film.former = trial % 2 == 0 ? 86 : 186;
-    film.settings.keep_shot_below = trial % 3 == 0 ? 0.15 : -1;
-    film.coherence.responsiveness = 1, film.coherence.predictive_power = 0;
+    film.move.viewpoint_search.keep_shot_below = trial % 3 == 0 ? 0.15 : -1;
+    film.move.keep_shot = 0, film.move.predictive_power = 0;
     film.shoot(film.viewpoints.offset_m(86));  // both the requested and the present shot
     film.look(0, {86}), film.look(1, {186});
     const auto chosen = film.choose([&](const glm::dvec3& offset) {
@@ -203,14 +198,25 @@ TEST(Shot, NoWeightOfAnOptionalTargetMakesUpForTheRequiredOne) {
 TEST(Shot, OneThatHidesAnOptionalTargetIsNotGoodEnough) {
   Filming film({1.0, 1.0});
   film.targets[1].required = false;
-  film.settings.keep_shot_below = 0.15;
+  film.move.viewpoint_search.keep_shot_below = 0.15;
   film.look(0, {}), film.look(1, {20});
   const auto chosen = film.choose();
   ASSERT_TRUE(chosen);
   EXPECT_NE(*chosen, 20u);
 }
 
-// Sixteen targets, some without weight, at random shots. The chosen shot has the least cost as coherence.h defines it.
+// What a shot loses beside another one: the default weights of side, height and size, each from its free band to its limit and on.
+double departure(const glm::dvec3& from_m, const glm::dvec3& to_m) {
+  const auto degrees = [](double radians) { return radians * 180 / std::acos(-1.0); };
+  const glm::dvec2 side_from(from_m.x, from_m.z), side_to(to_m.x, to_m.z);
+  const double turn = degrees(std::acos(std::clamp(glm::dot(side_from, side_to) / (glm::length(side_from) * glm::length(side_to)), -1.0, 1.0)));
+  const auto elevation = [&](const glm::dvec3& v) { return degrees(std::asin(v.y / glm::length(v))); };
+  const double octaves = std::abs(std::log2(glm::length(to_m) / glm::length(from_m)));
+  return 0.15 * std::max(0.0, turn - 30) / 90 + 0.3 * std::max(0.0, std::abs(elevation(to_m) - elevation(from_m)) - 10) / 35 +
+         0.3 * std::max(0.0, octaves - 0.25) / 1.25;
+}
+
+// Sixteen targets, some without weight, at random shots. The chosen shot has the least cost.
 TEST(Shot, IsTheCheapestOfAll) {
   CounterRandom random(61, 0, RandomPurpose::kTest);
   const auto somewhere = [&] {
@@ -222,31 +228,29 @@ TEST(Shot, IsTheCheapestOfAll) {
     for (int i = 0; i < 1 + trial % 16; ++i)
       weights.push_back(i > 0 && i % 3 == 0 ? 0.0 : random.next_in(0.1, 2));
     Filming film(weights);
-    film.capture(somewhere(), film.asked), film.capture(somewhere(), film.present);
+    film.asked_m = somewhere(), film.present_m = somewhere();
     for (size_t i = 0; i < weights.size(); ++i) {
       RoundMaps maps(film.center() + glm::dvec3(0.01, 0.02, 0.03), 8);
       maps.fill_at_random(random, 1, 9);
       film.viewpoints.learn(i, maps.maps, film.center(), 0, 0.1, 1);
     }
-    film.coherence.responsiveness = random.next_unit(), film.coherence.predictive_power = random.next_unit();
-    film.settings.switch_margin = random.next_in(0, 0.1);
+    film.move.keep_shot = random.next_in(0, 3), film.move.predictive_power = random.next_unit();
+    film.move.viewpoint_search.switch_margin = random.next_in(0, 0.1);
     film.former = random.next_below(ViewpointMap::kViewpoints);
     double least = INFINITY;
     size_t best = 0;
     for (size_t place = 0; place < ViewpointMap::kViewpoints; ++place) {
-      std::vector<float> seen;
-      double sum = 0, beside = 0;
+      double sum = 0, hidden = 0, beside = 0;
       for (size_t i = 0; i < weights.size(); ++i) {
-        seen.push_back(film.viewpoints.share(i, place));
-        sum += weights[i],
-            beside += weights[i] * (1 - static_cast<double>(film.viewpoints.share_beside(i, place)));
+        sum += weights[i];
+        hidden += weights[i] * (1 - static_cast<double>(film.viewpoints.share(i, place)));
+        beside += weights[i] * (1 - static_cast<double>(film.viewpoints.share_beside(i, place)));
       }
-      const ShotCandidate candidate{.world_from_camera = film.pose_at(film.viewpoints.offset_m(place)),
-                                    .seen_share = seen,
-                                    .hidden_ahead = beside / sum};
-      double cost = 0.5 * shot_cost(candidate, film.asked, film.targets, film.coherence) +
-                    0.5 * shot_cost(candidate, film.present, film.targets, film.coherence);
-      if (place == film.former) cost -= film.settings.switch_margin;
+      const glm::dvec3 offset_m = film.viewpoints.offset_m(place);
+      const double ahead = film.move.predictive_power;
+      double cost = ((1 - ahead) * hidden + ahead * beside) / sum +
+                    film.move.keep_shot * (departure(film.asked_m, offset_m) + 0.3 * departure(film.present_m, offset_m));
+      if (place == film.former) cost -= film.move.viewpoint_search.switch_margin;
       if (cost < least - 1e-12) least = cost, best = place;
     }
     EXPECT_EQ(film.choose(), best) << "trial " << trial;

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "server/base/random.h"
-#include "server/move/coherence.h"
 
 namespace sightline {
 namespace {

@@ -51,7 +51,7 @@ std::vector<double> flat(const StepSettings& s) {
           b.occlusion,
           b.route,
           static_cast<double>(s.move.search_viewpoints),
-          s.move.coherence.height,
+          s.move.shot.height,
           s.framing.framing_margin,
           s.framing.min_vertical_fov_rad,
           s.framing.max_vertical_fov_rad};

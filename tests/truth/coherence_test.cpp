@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -25,7 +26,8 @@ CameraFrame looks(const glm::dvec3& center_m, double side_deg, double height_deg
 }
 
 ShotDeviation deviation(const CameraFrame& asked, const CameraFrame& now, const glm::dvec3& center_m = {3, 1, -2}) {
-  return deviation_between(shot_properties(asked, center_m), shot_properties(now, center_m));
+  const ShotDeviation found = deviation_between(shot_properties(asked, center_m), shot_properties(now, center_m));
+  return {std::min(found.side, 1.0), std::min(found.height, 1.0), std::min(found.size, 1.0), std::min(found.place, 1.0)};
 }
 
 TEST(Coherence, EachPropertyDeviatesFromItsBandToItsLimit) {
@@ -59,7 +61,7 @@ TEST(Coherence, HeightsAreToldBesideTheAskedOne) {
   std::vector<CameraFrame> frames;
   const std::vector<glm::dvec3> centers_m(5, glm::dvec3(3, 1, -2));
   for (const double height_deg : {10.0, 20.0, 59.0, 61.0, 80.0}) frames.push_back(looks(centers_m[0], 0, height_deg, 6, 0.1 * static_cast<double>(frames.size())));
-  const CoherenceMetrics metrics = coherence_of(frames, centers_m);
+  const CoherenceMetrics metrics = coherence_of(frames, centers_m, {});
   EXPECT_NEAR(metrics.asked_height_rad, rad(10), 1e-9);
   EXPECT_NEAR(metrics.median_height_rad, rad(59), 1e-9);
   EXPECT_DOUBLE_EQ(metrics.high_share, 0.4);
@@ -94,9 +96,9 @@ TEST(Coherence, ACameraThatMovesWithItsTargetsKeepsTheShot) {
     centers_m.push_back({2.0 * i * kTick, 1, 0});
     frames.push_back(looks(centers_m.back(), 30, 10, 6, i * kTick));
   }
-  const CoherenceMetrics kept = coherence_of(frames, centers_m);
+  const CoherenceMetrics kept = coherence_of(frames, centers_m, {});
   EXPECT_EQ(kept.kept_share, 1.0);
-  EXPECT_NEAR(kept.mean.mean(), 0, 1e-12);
+  EXPECT_NEAR(mean_of(kept.mean), 0, 1e-12);
   // From rest to 2 m/s in the first tick, and no change after it.
   EXPECT_NEAR(kept.mean_acceleration_mps2, 2.0 / (119 * kTick), 1e-6);
 }
@@ -108,15 +110,33 @@ TEST(Coherence, HalfARunFromAboveIsHalfKept) {
     frames.push_back(looks({}, 0, i < 50 ? 10 : 70, 6, i * kTick));
     frames.back().jump = i == 50;
   }
-  const CoherenceMetrics metrics = coherence_of(frames, centers_m);
+  const CoherenceMetrics metrics = coherence_of(frames, centers_m, {});
   EXPECT_NEAR(metrics.kept_share, 0.5, 1e-12);
   EXPECT_NEAR(metrics.mean.height, 0.5, 1e-12);
-  EXPECT_NEAR(metrics.mean.mean(), 0.125, 1e-12);
+  EXPECT_NEAR(mean_of(metrics.mean), 0.125, 1e-12);
   EXPECT_EQ(metrics.mean_acceleration_mps2, 0) << "a cut is no acceleration";
 }
 
+// Four pictures: the asked one, one that shows half of a body, one from above, and one of nobody.
+TEST(Coherence, APictureIsWorthWhatItShowsAndHowItKeepsTheShot) {
+  std::vector<CameraFrame> frames;
+  std::vector<FrameTruth> truths(5);
+  const std::vector<glm::dvec3> centers_m(5, glm::dvec3(0));
+  const double heights_deg[] = {10, 10, 80, 10, 10}, inside[] = {1, 0.475, 1, 0, 0};
+  for (size_t i = 0; i < 5; ++i) {
+    frames.push_back(looks({}, 0, heights_deg[i], 6, kTick * static_cast<double>(i)));
+    if (i == 4) continue;  // not judged
+    PictureTruth& picture = truths[i].picture.emplace();
+    picture.targets.push_back({.id = 1, .alone_pixels = 100, .visible_pixels = 100, .outline = {.in_picture_share = inside[i]}});
+  }
+  const CoherenceMetrics metrics = coherence_of(frames, centers_m, truths);
+  EXPECT_NEAR(metrics.mean_worth, (1 + 0.5 + (1 - ShotWeights{}.height) + 0) / 4, 1e-9);
+  EXPECT_NEAR(metrics.mean_sight_loss, (0 + 0.5 + 0 + 1) / 4, 1e-9);
+  EXPECT_NEAR(metrics.as_asked_share, 0.25, 1e-9);
+}
+
 TEST(Coherence, NothingWithoutFrames) {
-  EXPECT_EQ(coherence_of({}, {}).kept_share, 0);
+  EXPECT_EQ(coherence_of({}, {}, {}).kept_share, 0);
 }
 
 }  // namespace

@@ -151,12 +151,5 @@ TEST(SettingRanges, ACostWithoutAnyWeightIsRefused) {
   }
 }
 
-TEST(SettingRanges, CoherenceWithoutAnyWeightIsRefused) {
-  MoveSettings settings;
-  settings.coherence = {.visibility = 0, .view_angle = 0, .height = 0, .distance = 0, .screen = 0};
-  ASSERT_FALSE(validate(settings));
-  EXPECT_EQ(validate(settings).error().field, "tuning.move.coherence");
-}
-
 }  // namespace
 }  // namespace sightline::test
