@@ -36,6 +36,29 @@ bool any_required_of(std::span<const TrackedTarget> targets) {
   return std::any_of(targets.begin(), targets.end(), [](const auto& t) { return t.steered() && t.required; });
 }
 
+double angle_of_radius(double radius_m, double distance_m) {
+  return std::asin(std::min(1.0, radius_m / std::max(distance_m, 1e-9)));
+}
+
+void include_sphere(const glm::dvec3& middle_m, double radius_m, Extents& out) {
+  out.x.include(std::atan2(middle_m.x, -middle_m.z), angle_of_radius(radius_m, std::hypot(middle_m.x, middle_m.z)));
+  out.y.include(std::atan2(middle_m.y, -middle_m.z), angle_of_radius(radius_m, std::hypot(middle_m.y, middle_m.z)));
+}
+
+// A body about its vertical axis. Its highest and lowest points in the picture are on the rims of its ends, towards the camera and away from it.
+void include_body(const TrackedTarget& target, const glm::dvec3& middle_m, const glm::dquat& camera_from_world, Extents& out) {
+  const glm::dvec3 up = camera_from_world * glm::dvec3(0, 1, 0), level = up * up.z - glm::dvec3(0, 0, 1);
+  const glm::dvec3 away = level / std::max(glm::length(level), 1e-9);
+  for (const double along_m : {-target.low_m, target.high_m}) {
+    const glm::dvec3 end_m = middle_m + along_m * up;
+    out.x.include(std::atan2(end_m.x, -end_m.z), angle_of_radius(target.aside_m, std::hypot(end_m.x, end_m.z)));
+    for (const double out_m : {-target.aside_m, target.aside_m}) {
+      const glm::dvec3 rim_m = end_m + out_m * away;
+      out.y.include(std::atan2(rim_m.y, -rim_m.z), 0.0);
+    }
+  }
+}
+
 Extents extents_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& angles) {
   const glm::dquat camera_from_world =
       glm::conjugate(rotation_from_angles({angles.yaw_rad, angles.pitch_rad, 0}));
@@ -47,8 +70,10 @@ Extents extents_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targe
     const glm::dvec3 p = camera_from_world * (target.aim_m - eye_m);
     const double ax = std::atan2(p.x, -p.z), ay = std::atan2(p.y, -p.z);
     if (must_fit(target, any_required)) {
-      out.x.include(ax, std::asin(std::min(1.0, target.radius_m / std::max(std::hypot(p.x, p.z), 1e-9))));
-      out.y.include(ay, std::asin(std::min(1.0, target.radius_m / std::max(std::hypot(p.y, p.z), 1e-9))));
+      if (target.has_body())
+        include_body(target, p, camera_from_world, out);
+      else
+        include_sphere(p, target.radius_m, out);
     }
     out.x.mean += target.weight * ax;
     out.y.mean += target.weight * ay;

@@ -7,7 +7,7 @@
 // picture departs from the shot: another height, side or size, or another place in the picture. Within a free band a property loses nothing. At the limit it
 // has lost all of its weight; between the two the loss rises in proportion.
 //
-// One function serves the judge of pictures, the search for viewpoints and the flight plan. A search needs a way back from beyond the limit, so there a deviation
+// One function serves the judge of pictures, the search for viewpoints and the flight plan. The plan needs a way back from beyond the limit, so there a deviation
 // goes on beyond 1 at the same rate.
 #pragma once
 

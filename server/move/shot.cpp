@@ -11,6 +11,8 @@ namespace {
 
 // How much a departure from the present shot counts beside one from the asked shot. Viewers bear a detour better than a jump of the eye.
 constexpr double kChange = 0.3;
+// The cost of a place beside the asked one, by its distance as a share of the asked distance. Within the free bands nothing else keeps to the asked one.
+constexpr double kAside = 0.02;
 // Shots are compared with one lens, so its field of view has no effect.
 constexpr double kAnyFovRad = 1.0;
 
@@ -29,23 +31,26 @@ struct SharesAt {
 class ShotCosts {
  public:
   ShotCosts(const ViewpointMap& viewpoints, std::span<const TrackedTarget> targets, const ShotWish& wish, const MoveSettings& settings)
-      : viewpoints_(viewpoints), targets_(targets), settings_(settings), asked_(shot_from(wish.asked_m, kAnyFovRad)),
-        present_(shot_from(wish.present_m, kAnyFovRad)) {}
+      : viewpoints_(viewpoints), targets_(targets), settings_(settings), asked_m_(wish.asked_m),
+        asked_(shot_from(wish.asked_m, kAnyFovRad)), present_(shot_from(wish.present_m, kAnyFovRad)) {}
 
   double sight_loss(size_t place) const {
     const SharesAt shares(viewpoints_, targets_.size(), place);
     return std::lerp(hidden_share(targets_, shares.seen_share()), hidden_share(targets_, shares.share_beside()), settings_.predictive_power);
   }
   double shot_cost(size_t place) const {
-    const ShotProperties shot = shot_from(viewpoints_.offset_m(place), kAnyFovRad);
-    return settings_.keep_shot * (endless_shot_loss(deviation_between(asked_, shot), settings_.shot) +
-                                  kChange * endless_shot_loss(deviation_between(present_, shot), settings_.shot));
+    const glm::dvec3 offset_m = viewpoints_.offset_m(place);
+    const ShotProperties shot = shot_from(offset_m, kAnyFovRad);
+    return settings_.keep_shot * (kAside * glm::distance(offset_m, asked_m_) / glm::length(asked_m_) +
+                                  shot_loss(deviation_between(asked_, shot), settings_.shot) +
+                                  kChange * shot_loss(deviation_between(present_, shot), settings_.shot));
   }
 
  private:
   const ViewpointMap& viewpoints_;
   const std::span<const TrackedTarget> targets_;
   const MoveSettings& settings_;
+  const glm::dvec3 asked_m_;
   const ShotProperties asked_, present_;
 };
 

@@ -29,12 +29,13 @@ struct Target {
 struct TrackedTarget {
   glm::dvec3 aim_m{0.0};         // the point to look at, world
   double radius_m = 0.0;         // of its bounding sphere; with parts, of a sphere around aim_m that encloses them too
-  // Its body from aim_m, metres: down to the lowest and up to the highest point, and out to the sides. 0: a point.
+  // Its body from aim_m, metres: down to the lowest and up to the highest point, and out to the sides. All 0: only the sphere is known.
   double low_m = 0.0, high_m = 0.0, aside_m = 0.0;
   glm::dvec3 velocity_mps{0.0};  // world
   double weight = 1.0;           // as Target::weight
   bool required = true;          // as Target::required
   bool steered() const { return weight > 0; }
+  bool has_body() const { return low_m + high_m > 0 || aside_m > 0; }
 };
 
 }  // namespace sightline

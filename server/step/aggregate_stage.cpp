@@ -141,8 +141,8 @@ void Aggregation::renew_slices() {
     if (!stays) find_outside(slice.aim_m);
     // Before renewals are averaged, since a target is rarely whole where it is often hidden in part.
     for (size_t i = 0; i < cells; ++i) {
-      const double seen = 1 - std::min(hidden.by_staying[i] + hidden.by_passing[i], 1.0), inside = 1 - static_cast<double>(scratch_.outside[i]);
-      scratch_.shares[i] = static_cast<float>(picture_loss(1 - seen * inside, count));
+      const double seen = 1 - picture_loss(std::min(hidden.by_staying[i] + hidden.by_passing[i], 1.0), count);
+      scratch_.shares[i] = static_cast<float>(1 - seen * (1 - static_cast<double>(scratch_.outside[i])));
     }
     ahead.renew(slice.due.slice, memory_.lattice, scratch_.shares, kNewShare);
   }

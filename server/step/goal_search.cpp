@@ -89,7 +89,7 @@ class PlanPricer {
     const double kept_share = in.step.input.settings.move.viewpoint_search.keep_shot_below;
     const MoveSettings& settings = in.step.input.settings.move;
     shot_ = weights_.occlusion * settings.keep_shot;
-    const glm::dvec3 asked_m = in.carried.shot.in_line_m.value_or(framed_offset_m(in.step, in.carried.shot.asked_offset_m));
+    const glm::dvec3 asked_m = framed_offset_m(in.step, in.carried.shot.in_line_m.value_or(in.carried.shot.asked_offset_m));
     if (settings.follow == Follow::kOffset && glm::length(asked_m) > kHereM) asked_m_ = asked_m;
     if (targets_stand(in.step)) tolerance_ = std::max(tolerance_, picture_loss(kept_share, count_));
   }

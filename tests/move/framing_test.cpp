@@ -69,6 +69,34 @@ TEST(Framing, RequiredTargetsAreInThePictureWholeWhenTheyFit) {
   EXPECT_GT(fitted, 500);
 }
 
+// Points of the bodies' cylinders, projected plainly.
+TEST(Framing, BodiesAreInThePictureWholeWhenTheyFit) {
+  CounterRandom random(53, 0, RandomPurpose::kTest);
+  int fitted = 0, sphere_did_not = 0;
+  for (int trial = 0; trial < 2000; ++trial) {
+    std::vector<TrackedTarget> targets;
+    for (int i = 0; i < 1 + trial % 4; ++i) {
+      targets.push_back(target_at({random.next_in(-2, 2), random.next_in(-0.5, 0.5), random.next_in(-2, 2)}, 0.95));
+      targets.back().low_m = random.next_in(0.3, 0.9), targets.back().high_m = random.next_in(0.3, 0.9), targets.back().aside_m = 0.3;
+    }
+    const glm::dvec3 eye(random.next_in(-3, 3), random.next_in(-1, 7), random.next_in(3, 12));
+    const Aim aim = aim_at(eye, targets, {}, {}, no_dead_zone());
+    if (!aim.fits) continue;
+    ++fitted;
+    const Pose pose = pose_of(eye, aim);
+    for (const TrackedTarget& t : targets)
+      for (int i = 0; i < 20; ++i) {
+        const double turn = random.next_in(0, 7);
+        const glm::dvec3 out(0.97 * t.aside_m * std::cos(turn), (i % 2 == 0 ? -t.low_m : t.high_m) * 0.98, 0.97 * t.aside_m * std::sin(turn));
+        ASSERT_TRUE(in_picture(pose, {}, t.aim_m + out)) << trial;
+      }
+    for (TrackedTarget& t : targets) t.low_m = t.high_m = t.aside_m = 0;
+    sphere_did_not += !aim_at(eye, targets, {}, {}, no_dead_zone()).fits;
+  }
+  EXPECT_GT(fitted, 300);
+  EXPECT_GT(sphere_did_not, 30) << "the spheres are wider";
+}
+
 TEST(Framing, HeavierTargetsStandNearerTheMiddle) {
   const std::vector<TrackedTarget> targets = {target_at({-2, 0, -10}, 0.3, 5.0),
                                            target_at({2, 0, -10}, 0.3, 1.0)};

@@ -74,10 +74,19 @@ TEST(SightWeight, NoWeightOfOptionalTargetsMakesUpForARequiredOne) {
     for (size_t i = 0; i < targets.size(); ++i)
       if (!targets[i].required) optional_hidden[i] = 0.0f;
     EXPECT_GT(hidden_share(targets, required_hidden), hidden_share(targets, optional_hidden));
-    const CoherenceSettings seeing{.responsiveness = 1.0, .predictive_power = 0.0};
-    EXPECT_GT(unseen_cost({.world_from_camera = {}, .seen_share = required_hidden}, targets, seeing),
-              unseen_cost({.world_from_camera = {}, .seen_share = optional_hidden}, targets, seeing));
   }
+}
+
+TEST(SightWeight, TheHiddenShareIsAMeanByWeight) {
+  std::vector<TrackedTarget> targets(3);
+  targets[0].weight = 2, targets[1].weight = 1, targets[2].weight = 0;
+  const std::vector<float> seen{0.75f, 0.5f, 0.0f};
+  EXPECT_DOUBLE_EQ(hidden_share(targets, seen), (2 * 0.25 + 0.5) / 3);
+  targets[1].required = false;
+  EXPECT_DOUBLE_EQ(hidden_share_by_weight(targets, seen), (2 * 0.25 + 0.5) / 3);
+  EXPECT_DOUBLE_EQ(hidden_share(targets, seen), (2 * 0.25 + 0.1 * 0.5) / 2.1) << "an optional one counts a tenth";
+  for (TrackedTarget& target : targets) target.weight = 0;
+  EXPECT_EQ(hidden_share(targets, seen), 0);
 }
 
 TEST(PictureLoss, OfTwoTargetsAPartOfOneIsHalfOfIt) {

@@ -68,7 +68,7 @@ TEST(Blind, OnItsWayItSaysThatItSeeksAndHowLongItTakes) {
 // the nearest place that sees it is another one at every tick.
 struct BehindAWall : OneFilmed {
   BehindAWall() : OneFilmed({0, 1.5, 5}) {
-    settings.move.prediction_s = 0;
+    settings.move.prediction_s = settings.move.keep_shot = 0;
     settings.bound.horizon_s = 1.6;
     add_box(9, {0, -0.1, 0}, {20, 0.1, 20});
     add_box(10, {0, 6, 2}, {6.5, 6, 0.1});

@@ -160,6 +160,7 @@ struct WoodWalk {
 };
 WoodWalk walk_in_wood(uint64_t seed) {
   Filming world;
+  world.settings.move.keep_shot = 0;
   CounterRandom random(seed, 0, RandomPurpose::kTest);
   for (uint64_t k = 0; k < 150; ++k) {
     const double aside_m = random.next_in(1.2, 8);

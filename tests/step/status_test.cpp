@@ -75,6 +75,7 @@ struct Walk : Filming {
 
 TEST(Status, SaysWhatTheSharesOfTheReplySay) {
   Walk world(5);
+  world.settings.move.keep_shot = 0;
   int steps_with[7] = {};
   for (int i = 0; i < 700; ++i) {
     world.walk(i * kTick);
