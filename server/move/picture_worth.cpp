@@ -17,6 +17,11 @@ double deviation(double difference, const FreeBand& band) {
   return std::max(0.0, std::abs(difference) - band.free) / (band.limit - band.free);
 }
 
+// From above 60 degrees, the side of a shot says less and less, until it has none from right above. `cosine`: of the elevation.
+double side_share(double cosine) {
+  return std::min(1.0, 2 * cosine);
+}
+
 // ---- the same for many places, in forms that become vector instructions ----
 
 constexpr auto kPi = std::numbers::pi_v<float>;
@@ -66,7 +71,9 @@ void losses_of(const float* __restrict x, const float* __restrict y, const float
     const float up = dy < 0 ? -dy : dy, elevation = angle_of(up, level);
     const float across = dx * side_z - dz * side_x;
     const float turn_rad = angle_of(across < 0 ? -across : across, dx * side_x + dz * side_z);
-    losses[i] = beyond((dy < 0 ? -elevation : elevation) - height_rad, kHeightFree, per_height) + beyond(turn_rad, kSideFree, per_side) +
+    const float distance = std::sqrt(distance2), has_side = 2.0f * level / (distance > kShortest2 ? distance : kShortest2);
+    losses[i] = beyond((dy < 0 ? -elevation : elevation) - height_rad, kHeightFree, per_height) +
+                (has_side < 1.0f ? has_side : 1.0f) * beyond(turn_rad, kSideFree, per_side) +
                 beyond(0.5f * (log2_of(distance2 > kShortest2 ? distance2 : kShortest2) - distance2_log2), kSizeFree, per_size);
   }
 }
@@ -90,7 +97,8 @@ ShotDeviation deviation_between(const ShotProperties& asked, const ShotPropertie
   const glm::dvec2 shift = now.place_half_pictures - asked.place_half_pictures;
   const double farther = std::max(std::abs(shift.x), std::abs(shift.y));
   const double turn_rad = asked.has_side && now.has_side ? std::remainder(now.side_rad - asked.side_rad, 2 * std::numbers::pi) : 0.0;
-  return {.side = deviation(turn_rad, kSideBandRad),
+  const double has_side = side_share(std::cos(asked.height_rad)) * side_share(std::cos(now.height_rad));
+  return {.side = has_side * deviation(turn_rad, kSideBandRad),
           .height = deviation(now.height_rad - asked.height_rad, kHeightBandRad),
           .size = deviation(now.size_log2 - asked.size_log2, kSizeBandLog2),
           .place = std::isfinite(farther) ? deviation(farther, kPlaceBandHalfPictures) : 1.0};
@@ -116,7 +124,7 @@ void endless_shot_losses(const ShotPlaces& places, const glm::dvec3& asked_m, co
                     .side_z = has_side ? static_cast<float>(asked_m.z / level_m) : 0.0f,
                     .height_rad = static_cast<float>(std::atan2(asked_m.y, level_m)),
                     .distance2_log2 = static_cast<float>(2 * std::log2(std::max(glm::length(asked_m), kShortestM))),
-                    .side = has_side ? per_unit(weights.side, kSideBandRad) : 0.0f,
+                    .side = has_side ? per_unit(weights.side, kSideBandRad) * static_cast<float>(side_share(level_m / glm::length(asked_m))) : 0.0f,
                     .height = per_unit(weights.height, kHeightBandRad),
                     .size = per_unit(weights.size, kSizeBandLog2)};
   losses_of(places.x_m, places.y_m, places.z_m, places.count, places.center_m.x, places.center_m.y, places.center_m.z, asked, losses);

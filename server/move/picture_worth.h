@@ -30,7 +30,7 @@ inline constexpr FreeBand kPlaceBandHalfPictures{0.15, 1.0};
 // in the picture.
 struct ShotProperties {
   double side_rad = 0.0, height_rad = 0.0;
-  bool has_side = true;                 // false right above and below
+  bool has_side = true;                 // false right above and below. From 60 degrees on the side counts less and less
   double size_log2 = 0.0;               // of one over the picture's height at the centre, in metres
   glm::dvec2 place_half_pictures{0.0};  // of the centre from the picture's middle, right and up; infinite if it is behind the camera
 };

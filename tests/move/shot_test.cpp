@@ -62,7 +62,8 @@ double departure(const glm::dvec3& from_m, const glm::dvec3& to_m) {
   const double turn = degrees(std::acos(std::clamp(glm::dot(side_from, side_to) / (glm::length(side_from) * glm::length(side_to)), -1.0, 1.0)));
   const auto elevation = [&](const glm::dvec3& v) { return degrees(std::asin(v.y / glm::length(v))); };
   const double octaves = std::abs(std::log2(glm::length(to_m) / glm::length(from_m)));
-  return 0.15 * std::clamp((turn - 30) / 90, 0.0, 1.0) + 0.3 * std::clamp((std::abs(elevation(to_m) - elevation(from_m)) - 10) / 35, 0.0, 1.0) +
+  const auto side_share = [&](const glm::dvec3& v) { return std::min(1.0, 2 * std::hypot(v.x, v.z) / glm::length(v)); };
+  return 0.15 * std::min(1.0, side_share(from_m) * side_share(to_m) * std::max(0.0, (turn - 30) / 90)) + 0.3 * std::clamp((std::abs(elevation(to_m) - elevation(from_m)) - 10) / 35, 0.0, 1.0) +
          0.3 * std::clamp((octaves - 0.25) / 1.25, 0.0, 1.0);
 }
 

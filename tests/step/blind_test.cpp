@@ -167,8 +167,8 @@ TEST(Blind, ACameraWithoutAWayToTheShotForgetsThatTheShotShowsMoreWhileItSeesNob
 // The two come through an open yard into the rows.
 TEST(Blind, ACameraGoesToWhereItWillSeeBothWhenItExpectsToLoseOne) {
   Rooms world(false);
-  world.x_m = -9;
-  world.place({-14, 2, 0}, {-8, 1.2, 0});
+  world.x_m = -5;
+  world.place({-8, 2, 0}, {-4, 1.2, 0});
   int seen = 0, goes = 0;  // steps before the first loss
   for (; seen < 60 * 13; ++seen) {
     const StepResult r = world.walk();

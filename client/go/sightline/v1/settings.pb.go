@@ -181,7 +181,10 @@ type Settings struct {
 	CutAfterS *float64 `protobuf:"fixed64,16,opt,name=cut_after_s,json=cutAfterS,proto3,oneof" json:"cut_after_s,omitempty"`
 	// The camera does not cut while it knows a way to a view of a required target that is no longer than this. After the jump of a
 	// target, the distance to the wanted shot counts.
-	CutBeyondM    *float64 `protobuf:"fixed64,17,opt,name=cut_beyond_m,json=cutBeyondM,proto3,oneof" json:"cut_beyond_m,omitempty"`
+	CutBeyondM *float64 `protobuf:"fixed64,17,opt,name=cut_beyond_m,json=cutBeyondM,proto3,oneof" json:"cut_beyond_m,omitempty"`
+	// How much the shot counts beside sight: its side, its height and its size. 0: sight first, from wherever the targets are seen best. Large: shot first. With 1,
+	// a picture of everybody from right above, half as far away as asked, is worth half of the asked one. Used by the strategy MIN_COST with FOLLOW_OFFSET only.
+	KeepShot      *float64 `protobuf:"fixed64,18,opt,name=keep_shot,json=keepShot,proto3,oneof" json:"keep_shot,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -335,6 +338,13 @@ func (x *Settings) GetCutBeyondM() float64 {
 	return 0
 }
 
+func (x *Settings) GetKeepShot() float64 {
+	if x != nil && x.KeepShot != nil {
+		return *x.KeepShot
+	}
+	return 0
+}
+
 // Hard limits of the returned path. A tick may lower a limit below the camera's present value. The camera then brakes, as hard
 // as the new acceleration allows, until it is within the limit. With a lower acceleration, or with a larger body than there is
 // room for, the camera may touch a collider; StepFlags.body_overlap reports that.
@@ -434,7 +444,7 @@ var File_sightline_v1_settings_proto protoreflect.FileDescriptor
 
 const file_sightline_v1_settings_proto_rawDesc = "" +
 	"\n" +
-	"\x1bsightline/v1/settings.proto\x12\fsightline.v1\x1a\"sightline/options/v1/setting.proto\"\x95\x0e\n" +
+	"\x1bsightline/v1/settings.proto\x12\fsightline.v1\x1a\"sightline/options/v1/setting.proto\"\xed\x0e\n" +
 	"\bSettings\x125\n" +
 	"\x06preset\x18\x01 \x01(\x0e2\x1d.sightline.v1.Settings.PresetR\x06preset\x12I\n" +
 	"\x06follow\x18\x02 \x01(\x0e2\x1d.sightline.v1.Settings.FollowB\x12\xca\xf3\x18\x0e\x12\x06OFFSET*\x04moveR\x06follow\x12K\n" +
@@ -469,7 +479,9 @@ const file_sightline_v1_settings_proto_rawDesc = "" +
 	"\x0f0 or [1e-6, 60]\x12\x010*\x04moveH\rR\tcutAfterS\x88\x01\x01\x12H\n" +
 	"\fcut_beyond_m\x18\x11 \x01(\x01B!\xca\xf3\x18\x1d\n" +
 	"\x110 or [1e-6, 1000]\x12\x0210*\x04moveH\x0eR\n" +
-	"cutBeyondM\x88\x01\x01\"H\n" +
+	"cutBeyondM\x88\x01\x01\x12H\n" +
+	"\tkeep_shot\x18\x12 \x01(\x01B&\xca\xf3\x18\"\n" +
+	"\x0f0 or [1e-6, 10]\x12\x011\"\x06factor*\x04moveH\x0fR\bkeepShot\x88\x01\x01\"H\n" +
 	"\x06Preset\x12\x16\n" +
 	"\x12PRESET_UNSPECIFIED\x10\x00\x12\x14\n" +
 	"\x10PRESET_SIGHTLINE\x10\x01\x12\x10\n" +
@@ -493,7 +505,9 @@ const file_sightline_v1_settings_proto_rawDesc = "" +
 	"\x10_min_occlusion_sB\x14\n" +
 	"\x12_search_viewpointsB\x0e\n" +
 	"\f_cut_after_sB\x0f\n" +
-	"\r_cut_beyond_m\"\xff\x04\n" +
+	"\r_cut_beyond_mB\f\n" +
+	"\n" +
+	"_keep_shot\"\xff\x04\n" +
 	"\fCameraLimits\x12?\n" +
 	"\rmax_speed_mps\x18\x01 \x01(\x01B\x16\xca\xf3\x18\x12\n" +
 	"\f[1e-6, 1000]\x12\x0210H\x00R\vmaxSpeedMps\x88\x01\x01\x12P\n" +

@@ -731,8 +731,11 @@ type MoveSettings struct {
 	Cost *CostWeights `protobuf:"bytes,2,opt,name=cost,proto3" json:"cost,omitempty"`
 	// The search for other viewpoints (Settings.search_viewpoints).
 	ViewpointSearch *ViewpointSearchSettings `protobuf:"bytes,3,opt,name=viewpoint_search,json=viewpointSearch,proto3" json:"viewpoint_search,omitempty"`
-	// The cost of a change of the shot.
-	Coherence *CoherenceSettings `protobuf:"bytes,4,opt,name=coherence,proto3" json:"coherence,omitempty"`
+	// What a picture loses by departing from the shot. Settings.keep_shot multiplies all of it.
+	Shot *ShotWeights `protobuf:"bytes,8,opt,name=shot,proto3" json:"shot,omitempty"`
+	// The weight of predicted visibility compared with present visibility, when a shot is chosen and for the strategies of the paper. 0:
+	// every corner surprises the camera. 1: it leaves a full view of a target for a view that it only predicts.
+	PredictivePower *float64 `protobuf:"fixed64,9,opt,name=predictive_power,json=predictivePower,proto3,oneof" json:"predictive_power,omitempty"`
 	// The probability that a target turns to either side instead of going on as predicted. 0: every turn surprises the camera.
 	// 0.5: the present motion of the targets hardly counts. MIN_COST only.
 	TurnProbability *float64 `protobuf:"fixed64,5,opt,name=turn_probability,json=turnProbability,proto3,oneof" json:"turn_probability,omitempty"`
@@ -795,11 +798,18 @@ func (x *MoveSettings) GetViewpointSearch() *ViewpointSearchSettings {
 	return nil
 }
 
-func (x *MoveSettings) GetCoherence() *CoherenceSettings {
+func (x *MoveSettings) GetShot() *ShotWeights {
 	if x != nil {
-		return x.Coherence
+		return x.Shot
 	}
 	return nil
+}
+
+func (x *MoveSettings) GetPredictivePower() float64 {
+	if x != nil && x.PredictivePower != nil {
+		return *x.PredictivePower
+	}
+	return 0
 }
 
 func (x *MoveSettings) GetTurnProbability() float64 {
@@ -998,46 +1008,39 @@ func (x *ViewpointSearchSettings) GetSwitchMargin() float64 {
 	return 0
 }
 
-// The cost of a change of the shot. The first five fields are weights relative to each other; at least one must be above 0.
-// With a weight of 0 the camera makes such a change freely. With a large one it would rather lose a target than make the
-// change.
-type CoherenceSettings struct {
+// What a picture loses of its worth by departing from the shot that was asked for. Each weight is what is lost at the limit of its property. Within the free
+// band nothing is lost, and in between the loss rises in proportion.
+type ShotWeights struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
-	// Fewer visible targets.
-	Visibility *float64 `protobuf:"fixed64,1,opt,name=visibility,proto3,oneof" json:"visibility,omitempty"`
-	// Another side of the targets. 0: the camera jumps across the line of action. Large: it will not go round a pillar.
-	ViewAngle *float64 `protobuf:"fixed64,2,opt,name=view_angle,json=viewAngle,proto3,oneof" json:"view_angle,omitempty"`
-	// Another height over the targets' centre. 0: the camera bobs over every low wall. Large: it goes round what it could look over.
-	Height *float64 `protobuf:"fixed64,3,opt,name=height,proto3,oneof" json:"height,omitempty"`
-	// Another shot size. 0: the camera pulls in at the first leaf. Large: it stays behind a wall that it could pass under.
-	Distance *float64 `protobuf:"fixed64,4,opt,name=distance,proto3,oneof" json:"distance,omitempty"`
-	// Other positions of the targets in the picture. 0: targets may swap sides. Large: any parallax costs, and a camera among
-	// several targets does not move at all.
-	Screen *float64 `protobuf:"fixed64,5,opt,name=screen,proto3,oneof" json:"screen,omitempty"`
-	// The weight of visibility compared with keeping the shot. 0: the camera keeps its shot although a wall hides the targets. 1:
-	// it always takes the shot that sees most.
-	Responsiveness *float64 `protobuf:"fixed64,6,opt,name=responsiveness,proto3,oneof" json:"responsiveness,omitempty"`
-	// The weight of predicted visibility compared with present visibility, when a shot is chosen and for the strategies of the paper. 0:
-	// every corner surprises the camera. 1: it leaves a full view of a target for a view that it only predicts.
-	PredictivePower *float64 `protobuf:"fixed64,7,opt,name=predictive_power,json=predictivePower,proto3,oneof" json:"predictive_power,omitempty"`
-	unknownFields   protoimpl.UnknownFields
-	sizeCache       protoimpl.SizeCache
+	// Another side of the targets. Free up to 30 degrees, limit 120. 0: the camera jumps across the line of action. Large: it will not go round a pillar.
+	Side *float64 `protobuf:"fixed64,1,opt,name=side,proto3,oneof" json:"side,omitempty"`
+	// Another elevation over the targets' centre. Free up to 10 degrees, limit 45. 0: the camera looks down on heads wherever that shows more. Large: it goes
+	// round what it could look over.
+	Height *float64 `protobuf:"fixed64,2,opt,name=height,proto3,oneof" json:"height,omitempty"`
+	// Another size of the targets in the picture. Free up to a factor of 1.2, limit 2.8. 0: the camera pulls in at the first leaf. Large: it stays behind a
+	// wall that it could pass under.
+	Size *float64 `protobuf:"fixed64,3,opt,name=size,proto3,oneof" json:"size,omitempty"`
+	// Another place of the targets' centre in the picture. Free up to 0.15 of half a picture, limit 1. It counts where pictures are judged. The camera aims at the
+	// targets from wherever it is.
+	Place         *float64 `protobuf:"fixed64,4,opt,name=place,proto3,oneof" json:"place,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
 }
 
-func (x *CoherenceSettings) Reset() {
-	*x = CoherenceSettings{}
+func (x *ShotWeights) Reset() {
+	*x = ShotWeights{}
 	mi := &file_sightline_tuning_v1alpha1_tuning_proto_msgTypes[8]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
 
-func (x *CoherenceSettings) String() string {
+func (x *ShotWeights) String() string {
 	return protoimpl.X.MessageStringOf(x)
 }
 
-func (*CoherenceSettings) ProtoMessage() {}
+func (*ShotWeights) ProtoMessage() {}
 
-func (x *CoherenceSettings) ProtoReflect() protoreflect.Message {
+func (x *ShotWeights) ProtoReflect() protoreflect.Message {
 	mi := &file_sightline_tuning_v1alpha1_tuning_proto_msgTypes[8]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
@@ -1049,56 +1052,35 @@ func (x *CoherenceSettings) ProtoReflect() protoreflect.Message {
 	return mi.MessageOf(x)
 }
 
-// Deprecated: Use CoherenceSettings.ProtoReflect.Descriptor instead.
-func (*CoherenceSettings) Descriptor() ([]byte, []int) {
+// Deprecated: Use ShotWeights.ProtoReflect.Descriptor instead.
+func (*ShotWeights) Descriptor() ([]byte, []int) {
 	return file_sightline_tuning_v1alpha1_tuning_proto_rawDescGZIP(), []int{8}
 }
 
-func (x *CoherenceSettings) GetVisibility() float64 {
-	if x != nil && x.Visibility != nil {
-		return *x.Visibility
+func (x *ShotWeights) GetSide() float64 {
+	if x != nil && x.Side != nil {
+		return *x.Side
 	}
 	return 0
 }
 
-func (x *CoherenceSettings) GetViewAngle() float64 {
-	if x != nil && x.ViewAngle != nil {
-		return *x.ViewAngle
-	}
-	return 0
-}
-
-func (x *CoherenceSettings) GetHeight() float64 {
+func (x *ShotWeights) GetHeight() float64 {
 	if x != nil && x.Height != nil {
 		return *x.Height
 	}
 	return 0
 }
 
-func (x *CoherenceSettings) GetDistance() float64 {
-	if x != nil && x.Distance != nil {
-		return *x.Distance
+func (x *ShotWeights) GetSize() float64 {
+	if x != nil && x.Size != nil {
+		return *x.Size
 	}
 	return 0
 }
 
-func (x *CoherenceSettings) GetScreen() float64 {
-	if x != nil && x.Screen != nil {
-		return *x.Screen
-	}
-	return 0
-}
-
-func (x *CoherenceSettings) GetResponsiveness() float64 {
-	if x != nil && x.Responsiveness != nil {
-		return *x.Responsiveness
-	}
-	return 0
-}
-
-func (x *CoherenceSettings) GetPredictivePower() float64 {
-	if x != nil && x.PredictivePower != nil {
-		return *x.PredictivePower
+func (x *ShotWeights) GetPlace() float64 {
+	if x != nil && x.Place != nil {
+		return *x.Place
 	}
 	return 0
 }
@@ -1177,20 +1159,23 @@ const file_sightline_tuning_v1alpha1_tuning_proto_rawDesc = "" +
 	"\t_window_sB\x14\n" +
 	"\x12_visible_thresholdB\x13\n" +
 	"\x11_hidden_thresholdB\t\n" +
-	"\a_hold_s\"\xe7\x04\n" +
+	"\a_hold_s\"\xcf\x05\n" +
 	"\fMoveSettings\x12W\n" +
 	"\bstrategy\x18\x01 \x01(\x0e2#.sightline.tuning.v1alpha1.StrategyB\x16\xca\xf3\x18\x12\x12\bMIN_COST\x1a\x06ROBUSTR\bstrategy\x12:\n" +
 	"\x04cost\x18\x02 \x01(\v2&.sightline.tuning.v1alpha1.CostWeightsR\x04cost\x12]\n" +
-	"\x10viewpoint_search\x18\x03 \x01(\v22.sightline.tuning.v1alpha1.ViewpointSearchSettingsR\x0fviewpointSearch\x12J\n" +
-	"\tcoherence\x18\x04 \x01(\v2,.sightline.tuning.v1alpha1.CoherenceSettingsR\tcoherence\x12[\n" +
+	"\x10viewpoint_search\x18\x03 \x01(\v22.sightline.tuning.v1alpha1.ViewpointSearchSettingsR\x0fviewpointSearch\x12:\n" +
+	"\x04shot\x18\b \x01(\v2&.sightline.tuning.v1alpha1.ShotWeightsR\x04shot\x12P\n" +
+	"\x10predictive_power\x18\t \x01(\x01B \xca\xf3\x18\x1c\n" +
+	"\x0e0 or [1e-6, 1]\x12\x030.5\"\x05shareH\x00R\x0fpredictivePower\x88\x01\x01\x12[\n" +
 	"\x10turn_probability\x18\x05 \x01(\x01B+\xca\xf3\x18'\n" +
-	"\x100 or [1e-6, 0.5]\x12\x030.2\x1a\x010\"\vprobabilityH\x00R\x0fturnProbability\x88\x01\x01\x12:\n" +
+	"\x100 or [1e-6, 0.5]\x12\x030.2\x1a\x010\"\vprobabilityH\x01R\x0fturnProbability\x88\x01\x01\x12:\n" +
 	"\bturn_rad\x18\x06 \x01(\x01B\x1a\xca\xf3\x18\x16\n" +
-	"\x110 or [1e-6, pi/2]\x12\x011H\x01R\aturnRad\x88\x01\x01\x12\\\n" +
+	"\x110 or [1e-6, pi/2]\x12\x011H\x02R\aturnRad\x88\x01\x01\x12\\\n" +
 	"\vrobust_goal\x18\a \x01(\x0e2%.sightline.tuning.v1alpha1.RobustGoalB\x14\xca\xf3\x18\x10\x12\x0eDEEPEST_MEMBERR\n" +
 	"robustGoalB\x13\n" +
+	"\x11_predictive_powerB\x13\n" +
 	"\x11_turn_probabilityB\v\n" +
-	"\t_turn_rad\"\xb7\x04\n" +
+	"\t_turn_radJ\x04\b\x04\x10\x05R\tcoherence\"\xb7\x04\n" +
 	"\vCostWeights\x12A\n" +
 	"\tocclusion\x18\x01 \x01(\x01B\x1e\xca\xf3\x18\x1a\n" +
 	"\x110 or [1e-6, 1000]\x12\x0280\"\x01mH\x00R\tocclusion\x88\x01\x01\x12D\n" +
@@ -1229,32 +1214,20 @@ const file_sightline_tuning_v1alpha1_tuning_proto_rawDesc = "" +
 	"\t_memory_sB\r\n" +
 	"\v_resolutionB\x12\n" +
 	"\x10_keep_shot_belowB\x10\n" +
-	"\x0e_switch_margin\"\xf5\x04\n" +
-	"\x11CoherenceSettings\x12F\n" +
-	"\n" +
-	"visibility\x18\x01 \x01(\x01B!\xca\xf3\x18\x1d\n" +
-	"\x100 or [1e-6, 100]\x12\x011\"\x06weightH\x00R\n" +
-	"visibility\x88\x01\x01\x12E\n" +
-	"\n" +
-	"view_angle\x18\x02 \x01(\x01B!\xca\xf3\x18\x1d\n" +
-	"\x100 or [1e-6, 100]\x12\x011\"\x06weightH\x01R\tviewAngle\x88\x01\x01\x12>\n" +
-	"\x06height\x18\x03 \x01(\x01B!\xca\xf3\x18\x1d\n" +
-	"\x100 or [1e-6, 100]\x12\x011\"\x06weightH\x02R\x06height\x88\x01\x01\x12D\n" +
-	"\bdistance\x18\x04 \x01(\x01B#\xca\xf3\x18\x1f\n" +
-	"\x100 or [1e-6, 100]\x12\x030.5\"\x06weightH\x03R\bdistance\x88\x01\x01\x12A\n" +
-	"\x06screen\x18\x05 \x01(\x01B$\xca\xf3\x18 \n" +
-	"\x100 or [1e-6, 100]\x12\x040.25\"\x06weightH\x04R\x06screen\x88\x01\x01\x12M\n" +
-	"\x0eresponsiveness\x18\x06 \x01(\x01B \xca\xf3\x18\x1c\n" +
-	"\x0e0 or [1e-6, 1]\x12\x030.7\"\x05shareH\x05R\x0eresponsiveness\x88\x01\x01\x12P\n" +
-	"\x10predictive_power\x18\a \x01(\x01B \xca\xf3\x18\x1c\n" +
-	"\x0e0 or [1e-6, 1]\x12\x030.5\"\x05shareH\x06R\x0fpredictivePower\x88\x01\x01B\r\n" +
-	"\v_visibilityB\r\n" +
-	"\v_view_angleB\t\n" +
-	"\a_heightB\v\n" +
-	"\t_distanceB\t\n" +
-	"\a_screenB\x11\n" +
-	"\x0f_responsivenessB\x13\n" +
-	"\x11_predictive_power*U\n" +
+	"\x0e_switch_margin\"\xab\x02\n" +
+	"\vShotWeights\x12;\n" +
+	"\x04side\x18\x01 \x01(\x01B\"\xca\xf3\x18\x1e\n" +
+	"\x0f0 or [1e-6, 10]\x12\x040.15\"\x05worthH\x00R\x04side\x88\x01\x01\x12>\n" +
+	"\x06height\x18\x02 \x01(\x01B!\xca\xf3\x18\x1d\n" +
+	"\x0f0 or [1e-6, 10]\x12\x030.3\"\x05worthH\x01R\x06height\x88\x01\x01\x12:\n" +
+	"\x04size\x18\x03 \x01(\x01B!\xca\xf3\x18\x1d\n" +
+	"\x0f0 or [1e-6, 10]\x12\x030.3\"\x05worthH\x02R\x04size\x88\x01\x01\x12<\n" +
+	"\x05place\x18\x04 \x01(\x01B!\xca\xf3\x18\x1d\n" +
+	"\x0f0 or [1e-6, 10]\x12\x030.1\"\x05worthH\x03R\x05place\x88\x01\x01B\a\n" +
+	"\x05_sideB\t\n" +
+	"\a_heightB\a\n" +
+	"\x05_sizeB\b\n" +
+	"\x06_place*U\n" +
 	"\tBoundMode\x12\x1a\n" +
 	"\x16BOUND_MODE_UNSPECIFIED\x10\x00\x12\x16\n" +
 	"\x12BOUND_MODE_HORIZON\x10\x01\x12\x14\n" +
@@ -1309,7 +1282,7 @@ var file_sightline_tuning_v1alpha1_tuning_proto_goTypes = []any{
 	(*MoveSettings)(nil),            // 10: sightline.tuning.v1alpha1.MoveSettings
 	(*CostWeights)(nil),             // 11: sightline.tuning.v1alpha1.CostWeights
 	(*ViewpointSearchSettings)(nil), // 12: sightline.tuning.v1alpha1.ViewpointSearchSettings
-	(*CoherenceSettings)(nil),       // 13: sightline.tuning.v1alpha1.CoherenceSettings
+	(*ShotWeights)(nil),             // 13: sightline.tuning.v1alpha1.ShotWeights
 }
 var file_sightline_tuning_v1alpha1_tuning_proto_depIdxs = []int32{
 	6,  // 0: sightline.tuning.v1alpha1.Tuning.bound:type_name -> sightline.tuning.v1alpha1.BoundSettings
@@ -1323,7 +1296,7 @@ var file_sightline_tuning_v1alpha1_tuning_proto_depIdxs = []int32{
 	3,  // 8: sightline.tuning.v1alpha1.MoveSettings.strategy:type_name -> sightline.tuning.v1alpha1.Strategy
 	11, // 9: sightline.tuning.v1alpha1.MoveSettings.cost:type_name -> sightline.tuning.v1alpha1.CostWeights
 	12, // 10: sightline.tuning.v1alpha1.MoveSettings.viewpoint_search:type_name -> sightline.tuning.v1alpha1.ViewpointSearchSettings
-	13, // 11: sightline.tuning.v1alpha1.MoveSettings.coherence:type_name -> sightline.tuning.v1alpha1.CoherenceSettings
+	13, // 11: sightline.tuning.v1alpha1.MoveSettings.shot:type_name -> sightline.tuning.v1alpha1.ShotWeights
 	4,  // 12: sightline.tuning.v1alpha1.MoveSettings.robust_goal:type_name -> sightline.tuning.v1alpha1.RobustGoal
 	13, // [13:13] is the sub-list for method output_type
 	13, // [13:13] is the sub-list for method input_type
