@@ -37,7 +37,8 @@ double mean_of(const ShotDeviation& deviation) {
 
 double sight_loss(const PictureTruth& picture) {
   double loss = 0;
-  for (const TargetTruth& target : picture.targets) loss += std::max(0.0, kLeastOfWhole - target.whole_share()) / kLeastOfWhole;
+  for (const TargetTruth& target : picture.targets)
+    loss += std::max(0.0, kLeastOfWhole - target.whole_share()) / kLeastOfWhole;
   return picture.targets.empty() ? 0.0 : loss / static_cast<double>(picture.targets.size());
 }
 
@@ -64,7 +65,9 @@ CoherenceMetrics coherence_of(std::span<const CameraFrame> frames, std::span<con
     metrics.kept_share += largest_of(now) <= 0.5;
   }
   const auto count = static_cast<double>(frames.size());
-  for (double* const sum : {&metrics.mean.side, &metrics.mean.height, &metrics.mean.size, &metrics.mean.place, &metrics.kept_share, &metrics.high_share}) *sum /= count;
+  for (double* const sum : {&metrics.mean.side, &metrics.mean.height, &metrics.mean.size, &metrics.mean.place, &metrics.kept_share,
+                            &metrics.high_share})
+    *sum /= count;
   for (double* const sum : {&metrics.mean_worth, &metrics.mean_sight_loss, &metrics.mean_shot_loss, &metrics.as_asked_share})
     *sum /= static_cast<double>(std::max<size_t>(pictures, 1));
   metrics.asked_height_rad = asked.height_rad;

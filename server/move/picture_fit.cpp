@@ -1,14 +1,9 @@
 #include "server/move/picture_fit.h"
 
 #include <algorithm>
-#include <array>
-#include <bit>
 #include <cmath>
-#include <cstdint>
-#include <limits>
 
 #include "server/base/vector_clones.h"
-#include "server/scene/target.h"
 
 namespace sightline {
 namespace {

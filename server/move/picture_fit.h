@@ -25,9 +25,10 @@ class PictureFit {
   // Sets the places, world metres. The span is not kept.
   void set_places(std::span<const glm::dvec3> position_m);
 
-  // Writes the mean share of the bodies, by weight, that lies outside the picture from each place, [0, 1]; `share` has one entry a place. `lens`: at its widest,
-  // if it zooms. `margin`, [0, 1): of each half of the picture that should stay free. The camera is taken to look, without roll, at the middle of what it would
-  // have to show. The share of a body is that of the rectangle around it in the picture, as a plain lens draws it.
+  // Writes the mean share of the bodies, by weight, that lies outside the picture from each place, [0, 1]; `share` has one entry
+  // a place. `lens`: at its widest, if it zooms. `margin`, [0, 1): of each half of the picture that should stay free. The camera is
+  // taken to look, without roll, at the middle of what it would have to show. The share of a body is that of the rectangle around it
+  // in the picture.
   void outside_share(std::span<const Body> bodies, const Lens& lens, double margin, std::span<float> share);
 
  private:

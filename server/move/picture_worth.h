@@ -1,14 +1,14 @@
-// What a picture is worth, from 0 to 1: 1 is the shot that was asked for, with everybody whole in it (paper 6.2: coherence, the visual properties of a shot
-// maintained over time).
+// What a picture is worth, from 0 to 1: 1 is the shot that was asked for, with everybody whole in it (paper 6.2: coherence, the
+// visual properties of a shot maintained over time).
 //
 //   worth = 1 - sight loss - shot loss, at least 0
 //
-// The sight loss is the share of the targets that the picture lacks, hidden or cut off at its edge. The shot loss is the weighted sum of how far the
-// picture departs from the shot: another height, side or size, or another place in the picture. Within a free band a property loses nothing. At the limit it
-// has lost all of its weight; between the two the loss rises in proportion.
+// The sight loss is the share of the targets that the picture lacks, hidden or cut off at its edge. The shot loss is the weighted
+// sum of how far the picture departs from the shot: another height, side or size, or another place in the picture. Within a free band
+// a property loses nothing. At the limit it has lost all of its weight; between the two the loss rises in proportion.
 //
-// One function serves the judge of pictures, the search for viewpoints and the flight plan. The plan needs a way back from beyond the limit, so there a deviation
-// goes on beyond 1 at the same rate.
+// One function serves the judge of pictures, the search for viewpoints and the flight plan. The plan needs a way back from beyond the
+// limit, so there a deviation goes on beyond 1 at the same rate.
 #pragma once
 
 #include <cstddef>
@@ -26,8 +26,8 @@ inline constexpr FreeBand kHeightBandRad{0.17453292519943295, 0.7853981633974483
 inline constexpr FreeBand kSizeBandLog2{0.25, 1.5};                                 // of the ratio of the sizes
 inline constexpr FreeBand kPlaceBandHalfPictures{0.15, 1.0};
 
-// The properties of a shot of some targets, as seen from their centre: the azimuth and the elevation of the camera, and the size of things at the centre
-// in the picture.
+// The properties of a shot of some targets, as seen from their centre: the azimuth and the elevation of the camera, and the size of
+// things at the centre in the picture.
 struct ShotProperties {
   double side_rad = 0.0, height_rad = 0.0;
   bool has_side = true;                 // false right above and below. From 60 degrees on the side counts less and less
@@ -50,8 +50,9 @@ double endless_shot_loss(const ShotDeviation& deviation, const ShotWeights& weig
 // [0, 1]
 double picture_worth(double sight_loss, double shot_loss);
 
-// Many places at once: endless_shot_loss of side, height and size for each of `count` places, relative to the targets' centre. `asked_m`: the asked offset from
-// the centre to the camera, not zero; the lens is the same at all places. Within 1e-3 of the function above. Deterministic.
+// Many places at once: endless_shot_loss of side, height and size for each of `count` places, relative to the targets' centre.
+// `asked_m`: the asked offset from the centre to the camera, not zero; the lens is the same at all places. Within 2e-3 of the function
+// above. Deterministic.
 struct ShotPlaces {
   const float *x_m, *y_m, *z_m;  // from any origin
   size_t count;

@@ -109,7 +109,9 @@ class PlanPricer {
       price_hidden(slice);
       planner_.blur(slice, weights_.surroundings);
       planner_.add_distances(slice, in_.desired_m + group_mps_ * ahead_.ahead_s(slice), distance_, outside_);
-      if (asked_m_) planner_.add_shot_losses(slice, in_.step.center_m() + group_mps_ * ahead_.ahead_s(slice), *asked_m_, in_.step.input.settings.move.shot, shot_);
+      if (!asked_m_) continue;
+      const glm::dvec3 center_m = in_.step.center_m() + group_mps_ * ahead_.ahead_s(slice);
+      planner_.add_shot_losses(slice, center_m, *asked_m_, in_.step.input.settings.move.shot, shot_);
     }
   }
 
@@ -162,7 +164,8 @@ class PlanPricer {
   const double count_;  // of targets, see effective_count
   bool guesses_ahead_ = false;  // false behind a fast target, see guessed_share
   double occlusion_ = 0, tolerance_ = 0, distance_ = 0;
-  std::optional<glm::dvec3> asked_m_;  // the offset from the targets' centre to the camera that pictures are compared with; empty: they are not
+  // The offset from the targets' centre to the camera that pictures are compared with. Empty: they are not.
+  std::optional<glm::dvec3> asked_m_;
   double shot_ = 0;
 };
 

@@ -25,8 +25,9 @@ bool keeps_shot(const TargetsNow& targets, const WantedShot& before) {
   return before.is_set && before.target_set == hash_of(targets, targets.weighted);
 }
 
-// The first targets, and the first ones after a cut, define the shot by where the camera is then. It outlives them: targets that join, leave or take turns are shown from
-// the same side, height and distance. What was found out about them starts again. A target that is given up still belongs to the set.
+// The first targets, and the first ones after a cut, define the shot by where the camera is then. It outlives them: targets that join,
+// leave or take turns are shown from the same side, height and distance. What was found out about them starts again. A target that is
+// given up still belongs to the set.
 WantedShot shot_of(const TargetsNow& targets, const glm::dvec3& camera_m, const WantedShot& before) {
   if (targets.steered == 0 || keeps_shot(targets, before)) return before;
   WantedShot shot = before;

@@ -1,7 +1,6 @@
 // The viewpoint search. Each step takes maps in all directions from one target (sample). They show which viewpoints
 // around the targets see it (aggregate). Every few steps the search chooses the wanted shot from that.
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <functional>
 

@@ -116,7 +116,8 @@ TEST(PictureFit, ACameraBetweenItsTargetsShowsNeitherWhole) {
 
 TEST(PictureFit, SharesAreNumbersEverywhere) {
   std::vector<glm::dvec3> eye_m{{-3, 0.9, 0}, {0, 0.9, 0}, {3, 0.9, 0}, {-3, 5, 0}};
-  for (const std::vector<Body>& bodies : {std::vector{standing({-3, 0.9, 0}), standing({3, 0.9, 0})}, {standing({-3, 0.9, 0}, 0, 0)}, {standing({3, 0.9, 0}, 1.8, 0.3, 0)}})
+  const std::vector<Body> two{standing({-3, 0.9, 0}), standing({3, 0.9, 0})}, point{standing({-3, 0.9, 0}, 0, 0)};
+  for (const std::vector<Body>& bodies : {two, point, {standing({3, 0.9, 0}, 1.8, 0.3, 0)}})
     for (const float share : shares(eye_m, bodies)) EXPECT_TRUE(share >= 0 && share <= 1) << share;
 }
 

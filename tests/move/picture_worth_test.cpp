@@ -15,7 +15,8 @@ double rad(double degrees) {
   return degrees * std::numbers::pi / 180;
 }
 glm::dvec3 offset_m(double side_deg, double height_deg, double distance_m) {
-  return distance_m * glm::dvec3(std::cos(rad(height_deg)) * std::sin(rad(side_deg)), std::sin(rad(height_deg)), std::cos(rad(height_deg)) * std::cos(rad(side_deg)));
+  const double level = std::cos(rad(height_deg));
+  return distance_m * glm::dvec3(level * std::sin(rad(side_deg)), std::sin(rad(height_deg)), level * std::cos(rad(side_deg)));
 }
 ShotDeviation deviation(const glm::dvec3& asked_m, const glm::dvec3& now_m) {
   return deviation_between(shot_from(asked_m, 1.0), shot_from(now_m, 1.0));

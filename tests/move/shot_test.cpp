@@ -58,13 +58,14 @@ struct Filming {
 // What a shot loses beside another one: the default weights of side, height and size, each from its free band to its limit.
 double departure(const glm::dvec3& from_m, const glm::dvec3& to_m) {
   const auto degrees = [](double radians) { return radians * 180 / std::acos(-1.0); };
-  const glm::dvec2 side_from(from_m.x, from_m.z), side_to(to_m.x, to_m.z);
-  const double turn = degrees(std::acos(std::clamp(glm::dot(side_from, side_to) / (glm::length(side_from) * glm::length(side_to)), -1.0, 1.0)));
+  const glm::dvec2 side_from = glm::normalize(glm::dvec2(from_m.x, from_m.z)), side_to = glm::normalize(glm::dvec2(to_m.x, to_m.z));
+  const double turn = degrees(std::acos(std::clamp(glm::dot(side_from, side_to), -1.0, 1.0)));
   const auto elevation = [&](const glm::dvec3& v) { return degrees(std::asin(v.y / glm::length(v))); };
   const double octaves = std::abs(std::log2(glm::length(to_m) / glm::length(from_m)));
   const auto side_share = [&](const glm::dvec3& v) { return std::min(1.0, 2 * std::hypot(v.x, v.z) / glm::length(v)); };
-  return 0.15 * std::min(1.0, side_share(from_m) * side_share(to_m) * std::max(0.0, (turn - 30) / 90)) + 0.3 * std::clamp((std::abs(elevation(to_m) - elevation(from_m)) - 10) / 35, 0.0, 1.0) +
-         0.3 * std::clamp((octaves - 0.25) / 1.25, 0.0, 1.0);
+  const double side = side_share(from_m) * side_share(to_m) * (turn - 30) / 90;
+  const double height = (std::abs(elevation(to_m) - elevation(from_m)) - 10) / 35, size = (octaves - 0.25) / 1.25;
+  return 0.15 * std::clamp(side, 0.0, 1.0) + 0.3 * std::clamp(height, 0.0, 1.0) + 0.3 * std::clamp(size, 0.0, 1.0);
 }
 
 TEST(Shot, OneThatIsSeenIsKept) {

@@ -140,6 +140,13 @@ def scene_claims(runs, ceilings=(), former=()):
     return claims + (ceiling_claims(runs, ceilings) if ceilings else [])
 
 
+def shot_claims(runs):
+    """Of the runs that were judged by whole bodies and by the shot."""
+    return [_against(runs, rival, name, text, operator.gt, 1.0, format_of) for rival in RIVALS
+            for name, text, format_of in (("joint_whole_share", "everybody whole in more pictures", percent),
+                                          ("mean_worth", "pictures of more worth", lambda worth: number(worth, 2)))]
+
+
 def _calm_claims(runs):
     seconds, rate = lambda s: number(s, 1) + " s", lambda n: number(n, 2)
     return [

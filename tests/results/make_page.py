@@ -13,7 +13,7 @@ import json
 import math
 import pathlib
 
-from claims import model_claims, model_name, scene_claims, stability_claims, step_claims, verdict
+from claims import model_claims, model_name, scene_claims, shot_claims, stability_claims, step_claims, verdict
 from figures import distinct, find, image, markdown, mean, number, over_seeds, percent, read_table, select, total, weighted_mean, write_table
 from levels_page import former_runs, levels_page
 from paper_tables import MODELS, STABILITIES, read_runs, table1, table2, table3
@@ -21,10 +21,10 @@ from scene_tables import ceiling_part, scenes_part
 from svg_plots import bar_plot, strip_plot
 
 PAPER_TABLES = ("table1.csv", "table2.csv", "table3.csv")
-MORE_TABLES = ("table2-front.csv", "table3-agile.csv", "shots.csv")
+MORE_TABLES = ("table2-front.csv", "table3-agile.csv", "shots.csv", "worth.csv")
 SHOT_COLUMNS = ("scene", "seed", "policy", "joint_visible_share", "joint_whole_share", "mean_whole_share", "p95_size_pictures", "asked_height_rad",
                 "median_height_rad", "high_share", "shot_kept_share", "shot_deviation_side", "shot_deviation_height", "shot_deviation_size",
-                "shot_deviation_place", "shot_deviation", "mean_acceleration_mps2")
+                "shot_deviation_place", "shot_deviation", "mean_acceleration_mps2", "mean_worth", "mean_sight_loss", "mean_shot_loss", "as_asked_share", "r_n")
 RUN_COLUMNS = ("scene", "seed", "targets", "policy", "pictures", "joint_visible_share", "all_seen", "r_n", "r_p",
                "r_p_tolerant", "mean_hidden_share", "episodes", "longest_blind_s", "longest_blind_with_way_s",
                "sustained_occlusions", "mean_reaction_s", "turns", "mean_turn_answer_s", "d_c_m", "d_s_heights",
@@ -112,9 +112,9 @@ def make_page(folder):
     times, models, stabilities = (read_table(folder / name) for name in PAPER_TABLES)
     runs = read_table(folder / "scenes.csv")
     ceilings = [row for row in measured_ceilings(folder) if row["scene"] in distinct(runs, "scene")]
-    front, agile, shots = (read_table(folder / name) if (folder / name).exists() else [] for name in MORE_TABLES)
-    parts = [introduction(how, times), claims_part(times, models, stabilities, scene_claims(runs, ceilings, former_runs(folder, "scenes")), former_costs(folder)), notes_part(folder), table1_part(times),
-             table2_part(models, front), table3_part(stabilities, agile), shots_part(shots), scenes_part(runs), *ceiling_part(ceilings, runs), reports_part(runs)]
+    front, agile, shots, worths = (read_table(folder / name) if (folder / name).exists() else [] for name in MORE_TABLES)
+    parts = [introduction(how, times), claims_part(times, models, stabilities, shot_claims(shots), scene_claims(runs, ceilings, former_runs(folder, "scenes")), former_costs(folder)), notes_part(folder), table1_part(times),
+             table2_part(models, front), table3_part(stabilities, agile), shots_part(shots), worth_part(worths), scenes_part(runs), *ceiling_part(ceilings, runs), reports_part(runs)]
     return "\n".join(parts)
 
 
@@ -163,9 +163,10 @@ so a few were dropped after it; [trials](trials.md) has both. At first, the firs
 
 # ---- claims ----
 
-def claims_part(times, models, stabilities, of_scenes, former_costs):
+def claims_part(times, models, stabilities, of_shots, of_scenes, former_costs):
     text = "## Claims\n\nComputed from the tables in this folder.\n"
-    for title, claims in (("Table 3: stability", stability_claims(stabilities)), ("Table 2: occlusion", model_claims(models)),
+    for title, claims in (("Whole bodies and the shot", of_shots), ("Table 3: stability", stability_claims(stabilities)),
+                          ("Table 2: occlusion", model_claims(models)),
                           ("Table 1: what a step costs", step_claims(times, former_costs)), ("All scenes", of_scenes)):
         rows = [[claim.text, verdict(claim), claim.figure] for claim in claims]
         text += f"\n### {title}\n\n" + markdown(["<claim", "<verdict", "<figure"], rows)
@@ -288,18 +289,45 @@ def shots_part(runs):
 A camera that is so near that it shows two pairs of legs has a high joint share, and shows nobody whole. *Size* is the height of the largest target in picture heights, the 95th
 percentile over pictures. From 1 on the target is cut off. *Height* is the camera's elevation over the targets in degrees, in the first frame and in the median. *Above 60°* is the share
 of the frames. *Shot kept* and *deviation* are those of Table 2. The deviations of side, height, size and place follow. *Acceleration* is the mean size, the paper's sum over the
-time (6.2). Means over {len(distinct(runs, "seed"))} seeds.
+time (6.2). *Worth* is what a picture is worth, from 0 to 1 (`server/move/picture_worth.h`): 1 less the sight that it lacks, of whole bodies, and less what it departs from the shot.
+*As asked* is the share of the pictures that show everybody whole with every property within its free band. Means over {len(distinct(runs, "seed"))} seeds.
 
-""" + markdown(["<scene", "<policy", "whole", "joint", "size", "asked height", "height", "above 60°", "shot kept", "deviation", "side", "height", "size", "place",
+""" + markdown(["<scene", "<policy", "worth", "as asked", "whole", "joint", "size", "asked height", "height", "above 60°", "shot kept", "deviation", "side", "height", "size", "place",
                 "acceleration m/s²"], [shot_row(*group) for group in groups if group[2]])
 
 
 def shot_row(scene, policy, runs):
     degrees = lambda name: number(math.degrees(mean(runs, name)), 0)
     size = mean(runs, "p95_size_pictures")
-    return [scene, policy, percent(mean(runs, "joint_whole_share"), 1), percent(mean(runs, "joint_visible_share"), 1), "over 10" if size > 10 else number(size, 2),
+    return [scene, policy, number(mean(runs, "mean_worth"), 2), percent(mean(runs, "as_asked_share"), 0), percent(mean(runs, "joint_whole_share"), 1), percent(mean(runs, "joint_visible_share"), 1), "over 10" if size > 10 else number(size, 2),
             degrees("asked_height_rad"), degrees("median_height_rad"), percent(mean(runs, "high_share"), 0), percent(mean(runs, "shot_kept_share"), 0)] + [
                 number(mean(runs, "shot_deviation" + part), 2) for part in ("", "_side", "_height", "_size", "_place")] + [number(mean(runs, "mean_acceleration_mps2"), 2)]
+
+
+def worth_part(runs):
+    """`runs`: the default of today and that of the build before the shot counted, on the same scenes and seeds."""
+    if not runs:
+        return ""
+    scenes = distinct(runs, "scene")
+    pairs = {scene: [select(runs, scene=scene, build=build) for build in ("before", "now")] for scene in scenes}
+    gains = [mean(now, "mean_worth") - mean(before, "mean_worth") for before, now in pairs.values()]
+    worst = min(scenes, key=lambda scene: gains[scenes.index(scene)])
+    return f"""## What changed when the shot began to count
+
+The default before it counted whole bodies and the asked shot, and the default now, on the same scenes and seeds ({len(distinct(runs, "seed"))} each). *Nobody* is the share of the pictures without a pixel
+of any target. Over the {len(scenes)} scenes the mean worth rose from {number(mean([r for r in runs if r["build"] == "before"], "mean_worth"), 3)} to
+{number(mean([r for r in runs if r["build"] == "now"], "mean_worth"), 3)}. It fell most in {worst}, by {number(-min(gains), 2)}.
+
+""" + markdown(["<scene", "worth before", "now", "whole before", "now", "asked height", "height before", "now", "shot kept before", "now", "nobody before", "now"],
+               [worth_row(scene, *pair) for scene, pair in pairs.items()])
+
+
+def worth_row(scene, before, now):
+    both = lambda text: [text(before), text(now)]
+    degrees = lambda runs, name: number(math.degrees(mean(runs, name)), 0)
+    return ([scene] + both(lambda runs: number(mean(runs, "mean_worth"), 2)) + both(lambda runs: percent(mean(runs, "joint_whole_share"), 0)) +
+            [degrees(now, "asked_height_rad")] + both(lambda runs: degrees(runs, "median_height_rad")) +
+            both(lambda runs: percent(mean(runs, "shot_kept_share"), 0)) + both(lambda runs: percent(mean(runs, "r_n"), 1)))
 
 
 # ---- what the service reports ----

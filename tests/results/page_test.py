@@ -460,7 +460,7 @@ class Page(unittest.TestCase):
             self.assertIn("| hall | sightline | 90.0 % | 0.0 % | 1.0 |", page)
             self.assertIn("| hall | sightline | 0 | 0 | 12.0 | 10.0 % | 1.0 % | 100 | 400 | 0.25 | 1.50 |", page)
             self.assertIn("| 20.0 % | 0.50 % | 60.0 % | 2.00 % |", page)
-            self.assertIn("| hall | sightline | 25.0 % | 90.0 % | 0.25 | 14 | 14 | 25 % | 25 % | 0.25 |", page)
+            self.assertIn("| hall | sightline | 0.25 | 25 % | 25.0 % | 90.0 % | 0.25 | 14 | 14 | 25 % | 25 % | 0.25 |", page)
             self.assertEqual(page.count("!["), 5)
             for line in page.splitlines():
                 if line.startswith("!["):

@@ -64,6 +64,20 @@ TEST_P(EdgeCase, WeightToZeroMakesNoPop) {
   EXPECT_LT(glm::distance(world.camera().pose.position_m - glm::dvec3(0, 1, 0), asked), 0.1) << "to the same side and distance of the one that is left";
 }
 
+// An observer goes from player to player, 5 m apart. Each is shown as the first one was.
+TEST_P(EdgeCase, EachOfSeveralSubjectsInTurnIsShownFromTheSameSideAndDistance) {
+  OnePerson world(GetParam());
+  const glm::dvec3 asked = world.camera().pose.position_m - glm::dvec3(0, 1, 0);
+  Watch watch(world);
+  for (uint64_t player = 2; player <= 6; ++player) {
+    const double x = 5.0 * static_cast<double>(player - 1);
+    world.add_target(player, {x, 1, 0});
+    world.targets.erase(world.targets.begin());
+    for (int i = 0; i < 240; ++i) watch.step();
+    EXPECT_LT(glm::distance(world.camera().pose.position_m - glm::dvec3(x, 1, 0), asked), 0.15) << "player " << player;
+  }
+}
+
 TEST_P(EdgeCase, EveryWeightZeroHolds) {
   OnePerson world(GetParam());
   world.targets[0].weight = 0;
