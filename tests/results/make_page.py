@@ -21,7 +21,7 @@ from scene_tables import ceiling_part, scenes_part
 from svg_plots import bar_plot, strip_plot
 
 PAPER_TABLES = ("table1.csv", "table2.csv", "table3.csv")
-MORE_TABLES = ("table2-front.csv", "table3-agile.csv", "shots.csv", "worth.csv")
+MORE_TABLES = ("table2-front.csv", "table3-agile.csv", "shots.csv", "worth.csv", "keep-shot.csv")
 SHOT_COLUMNS = ("scene", "seed", "policy", "joint_visible_share", "joint_whole_share", "mean_whole_share", "p95_size_pictures", "asked_height_rad",
                 "median_height_rad", "high_share", "shot_kept_share", "shot_deviation_side", "shot_deviation_height", "shot_deviation_size",
                 "shot_deviation_place", "shot_deviation", "mean_acceleration_mps2", "mean_worth", "mean_sight_loss", "mean_shot_loss", "as_asked_share", "r_n")
@@ -112,9 +112,9 @@ def make_page(folder):
     times, models, stabilities = (read_table(folder / name) for name in PAPER_TABLES)
     runs = read_table(folder / "scenes.csv")
     ceilings = [row for row in measured_ceilings(folder) if row["scene"] in distinct(runs, "scene")]
-    front, agile, shots, worths = (read_table(folder / name) if (folder / name).exists() else [] for name in MORE_TABLES)
+    front, agile, shots, worths, trades = (read_table(folder / name) if (folder / name).exists() else [] for name in MORE_TABLES)
     parts = [introduction(how, times), claims_part(times, models, stabilities, shot_claims(shots), scene_claims(runs, ceilings, former_runs(folder, "scenes")), former_costs(folder)), notes_part(folder), table1_part(times),
-             table2_part(models, front), table3_part(stabilities, agile), shots_part(shots), worth_part(worths), scenes_part(runs), *ceiling_part(ceilings, runs), reports_part(runs)]
+             table2_part(models, front), table3_part(stabilities, agile), shots_part(shots), trade_part(trades), worth_part(worths), scenes_part(runs), *ceiling_part(ceilings, runs), reports_part(runs)]
     return "\n".join(parts)
 
 
@@ -312,14 +312,28 @@ def worth_part(runs):
     pairs = {scene: [select(runs, scene=scene, build=build) for build in ("before", "now")] for scene in scenes}
     gains = [mean(now, "mean_worth") - mean(before, "mean_worth") for before, now in pairs.values()]
     worst = min(scenes, key=lambda scene: gains[scenes.index(scene)])
+    fell = f"It fell most in {worst}, by {number(-min(gains), 2)}." if min(gains) < -0.005 else "It fell in none of them."
     return f"""## What changed when the shot began to count
 
-The default before it counted whole bodies and the asked shot, and the default now, on the same scenes and seeds ({len(distinct(runs, "seed"))} each). *Nobody* is the share of the pictures without a pixel
-of any target. Over the {len(scenes)} scenes the mean worth rose from {number(mean([r for r in runs if r["build"] == "before"], "mean_worth"), 3)} to
-{number(mean([r for r in runs if r["build"] == "now"], "mean_worth"), 3)}. It fell most in {worst}, by {number(-min(gains), 2)}.
+The default before it counted whole bodies and the asked shot, and the default now, on the same scenes and seeds (`worth.csv`: one or two of each scene). *Nobody* is the share of the
+pictures without a pixel of any target. Over {len(scenes)} scenes the mean worth rose by {number(sum(gains) / len(gains), 3)}, from {number(mean([r for r in runs if r["build"] == "before"], "mean_worth"), 3)} to
+{number(mean([r for r in runs if r["build"] == "now"], "mean_worth"), 3)} over all runs. {fell}
 
 """ + markdown(["<scene", "worth before", "now", "whole before", "now", "asked height", "height before", "now", "shot kept before", "now", "nobody before", "now"],
                [worth_row(scene, *pair) for scene, pair in pairs.items()])
+
+
+def trade_part(runs):
+    if not runs:
+        return ""
+    rows = [[policy.removeprefix("keep-"), *(percent(mean(own, name), 1) for name in ("joint_whole_share", "shot_kept_share", "as_asked_share")),
+             *(number(mean(own, name), 3) for name in ("mean_sight_loss", "mean_shot_loss", "mean_worth")), number(math.degrees(mean(own, "median_height_rad")), 0)]
+            for policy in distinct(runs, "policy") for own in [select(runs, policy=policy)]]
+    return f"""## What keep_shot trades
+
+The setting `keep_shot` from sight first to shot first, over the {len(distinct(runs, "scene"))} scenes ({len(distinct(runs, "seed"))} seed). The default is 1. The losses are those of worth: of sight and of the shot.
+
+""" + markdown(["<keep_shot", "whole", "shot kept", "as asked", "sight loss", "shot loss", "worth", "height"], rows)
 
 
 def worth_row(scene, before, now):

@@ -69,6 +69,7 @@ TEST_P(EdgeCase, EachOfSeveralSubjectsInTurnIsShownFromTheSameSideAndDistance) {
   OnePerson world(GetParam());
   const glm::dvec3 asked = world.camera().pose.position_m - glm::dvec3(0, 1, 0);
   Watch watch(world);
+  for (int i = 0; i < 30; ++i) watch.step();
   for (uint64_t player = 2; player <= 6; ++player) {
     const double x = 5.0 * static_cast<double>(player - 1);
     world.add_target(player, {x, 1, 0});
