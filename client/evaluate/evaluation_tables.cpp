@@ -89,6 +89,7 @@ constexpr std::string_view kLegend = R"(
 Means over seeds. Collisions and violations are frames, summed over seeds; blind and with way are the longest of any seed.
   joint           share of pictures in which the part of every target that is inside is visible to 95 %
   whole           share of pictures in which every target is visible to 95 %, and 95 % of its outline are inside
+  worth           mean worth of a picture, 0 to 1: whole bodies, in the shot of the first frame (server/move/picture_worth.h)
   size            height of the largest target in picture heights, 95th percentile; from 1 on it is cut off
   asked, height   elevation of the camera over the targets in degrees: in the first frame, and the median
   of ceiling      joint as a share of what the policy ceiling reaches
@@ -236,6 +237,7 @@ void print_summary(std::ostream& out, std::span<const Run> runs) {
                {"runs", true},
                {"joint", true},
                {"whole", true},
+               {"worth", true},
                {"size", true},
                {"asked", true},
                {"height", true},
@@ -268,6 +270,7 @@ void print_summary(std::ostream& out, std::span<const Run> runs) {
     table.row({printable(group.front()->scene), group.front()->policy, std::to_string(group.size()),
                percent(mean(group, [](const Run& r) { return r.metrics.joint_visible_share(); })),
                percent(mean(group, [](const Run& r) { return r.metrics.joint_whole_share; })),
+               of("%.2f", [](const Run& r) { return r.coherence.mean_worth; }),
                of("%.2f", [](const Run& r) { return r.metrics.p95_size_pictures; }),
                of("%.0f", [](const Run& r) { return degrees(r.coherence.asked_height_rad); }),
                of("%.0f", [](const Run& r) { return degrees(r.coherence.median_height_rad); }),

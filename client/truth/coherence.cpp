@@ -11,10 +11,6 @@
 namespace sightline {
 namespace {
 
-ShotDeviation limited(const ShotDeviation& deviation) {
-  return {std::min(deviation.side, 1.0), std::min(deviation.height, 1.0), std::min(deviation.size, 1.0), std::min(deviation.place, 1.0)};
-}
-
 double largest_of(const ShotDeviation& deviation) {
   return std::max({deviation.side, deviation.height, deviation.size, deviation.place});
 }
@@ -51,7 +47,7 @@ CoherenceMetrics coherence_of(std::span<const CameraFrame> frames, std::span<con
   std::vector<double> heights_rad;
   for (size_t i = 0; i < frames.size(); ++i) {
     const ShotProperties shot = shot_properties(frames[i], centers_m[i]);
-    const ShotDeviation now = limited(deviation_between(asked, shot));
+    const ShotDeviation now = up_to_limits(deviation_between(asked, shot));
     if (i < truths.size() && truths[i].picture) {
       const PictureTruth& picture = *truths[i].picture;
       const double lacks = sight_loss(picture), departs = shot_loss(now, weights);

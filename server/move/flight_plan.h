@@ -73,8 +73,8 @@ class FlightPlanner {
 
   // Adds `weight` >= 0 times the distance of each cell from a point, and `others`, by cell. Called after `blur`, at most once for each slice.
   void add_distances(size_t slice, const glm::dvec3& point_m, double weight, std::span<const float> others);
-  // Adds `weight` >= 0 times what a picture from each cell loses by departing from a shot (picture_worth.h). `center_m`: the targets' centre at that slice.
-  // `asked_m`: the asked offset from there, not zero. Called like add_distances.
+  // Adds `weight` >= 0 times what a picture from each cell loses by departing from a shot (unbounded_shot_losses in picture_worth.h).
+  // `center_m`: the targets' centre at that slice, world metres. `asked_m`: the asked offset from there, not zero. Called like add_distances.
   void add_shot_losses(size_t slice, const glm::dvec3& center_m, const glm::dvec3& asked_m, const ShotWeights& weights, double weight);
   size_t cell_count() const { return box_.count(); }
 

@@ -28,8 +28,8 @@ struct Aim {
 };
 
 // The aim from `eye_m`. It is at the weighted mean of the steered targets, moved as little as needed so that the bodies of all required
-// targets are inside the picture, or their spheres where no body is known. When they do not fit, it is at their middle. `present` gives the yaw of a vertical aim, and is returned for aims in the
-// dead zone around it. At least one target must be steered.
+// targets are inside the picture, or their spheres where no body is known. When they do not fit, it is at their middle. `present` gives
+// the yaw of a vertical aim, and is returned for aims in the dead zone around it. At least one target must be steered.
 Aim aim_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& present,
            const Lens& lens, const FramingSettings& settings);
 

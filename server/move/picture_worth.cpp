@@ -71,9 +71,9 @@ void losses_of(const float* __restrict x, const float* __restrict y, const float
     const float up = dy < 0 ? -dy : dy, elevation = angle_of(up, level);
     const float across = dx * side_z - dz * side_x;
     const float turn_rad = angle_of(across < 0 ? -across : across, dx * side_x + dz * side_z);
-    const float distance = std::sqrt(distance2), has_side = 2.0f * level / (distance > kShortest2 ? distance : kShortest2);
+    const float distance = std::sqrt(distance2), side_counts = 2.0f * level / (distance > kShortest2 ? distance : kShortest2);
     losses[i] = beyond((dy < 0 ? -elevation : elevation) - height_rad, kHeightFree, per_height) +
-                (has_side < 1.0f ? has_side : 1.0f) * beyond(turn_rad, kSideFree, per_side) +
+                (side_counts < 1.0f ? side_counts : 1.0f) * beyond(turn_rad, kSideFree, per_side) +
                 beyond(0.5f * (log2_of(distance2 > kShortest2 ? distance2 : kShortest2) - distance2_log2), kSizeFree, per_size);
   }
 }
@@ -97,19 +97,22 @@ ShotDeviation deviation_between(const ShotProperties& asked, const ShotPropertie
   const glm::dvec2 shift = now.place_half_pictures - asked.place_half_pictures;
   const double farther = std::max(std::abs(shift.x), std::abs(shift.y));
   const double turn_rad = asked.has_side && now.has_side ? std::remainder(now.side_rad - asked.side_rad, 2 * std::numbers::pi) : 0.0;
-  const double has_side = side_share(std::cos(asked.height_rad)) * side_share(std::cos(now.height_rad));
-  return {.side = has_side * deviation(turn_rad, kSideBandRad),
+  const double side_counts = side_share(std::cos(asked.height_rad)) * side_share(std::cos(now.height_rad));
+  return {.side = side_counts * deviation(turn_rad, kSideBandRad),
           .height = deviation(now.height_rad - asked.height_rad, kHeightBandRad),
           .size = deviation(now.size_log2 - asked.size_log2, kSizeBandLog2),
           .place = std::isfinite(farther) ? deviation(farther, kPlaceBandHalfPictures) : 1.0};
 }
 
-double shot_loss(const ShotDeviation& deviation, const ShotWeights& weights) {
-  const auto limited = [](double value) { return std::min(value, 1.0); };
-  return endless_shot_loss({limited(deviation.side), limited(deviation.height), limited(deviation.size), limited(deviation.place)}, weights);
+ShotDeviation up_to_limits(const ShotDeviation& deviation) {
+  return {std::min(deviation.side, 1.0), std::min(deviation.height, 1.0), std::min(deviation.size, 1.0), std::min(deviation.place, 1.0)};
 }
 
-double endless_shot_loss(const ShotDeviation& deviation, const ShotWeights& weights) {
+double shot_loss(const ShotDeviation& deviation, const ShotWeights& weights) {
+  return unbounded_shot_loss(up_to_limits(deviation), weights);
+}
+
+double unbounded_shot_loss(const ShotDeviation& deviation, const ShotWeights& weights) {
   return weights.side * deviation.side + weights.height * deviation.height + weights.size * deviation.size + weights.place * deviation.place;
 }
 
@@ -117,7 +120,7 @@ double picture_worth(double sight_loss, double shot_loss) {
   return std::clamp(1 - sight_loss - shot_loss, 0.0, 1.0);
 }
 
-void endless_shot_losses(const ShotPlaces& places, const glm::dvec3& asked_m, const ShotWeights& weights, float* losses) {
+void unbounded_shot_losses(const ShotPlaces& places, const glm::dvec3& asked_m, const ShotWeights& weights, float* losses) {
   const double level_m = std::hypot(asked_m.x, asked_m.z);
   const bool has_side = level_m > kShortestM;
   const Asked asked{.side_x = has_side ? static_cast<float>(asked_m.x / level_m) : 0.0f,

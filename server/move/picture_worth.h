@@ -30,7 +30,7 @@ inline constexpr FreeBand kPlaceBandHalfPictures{0.15, 1.0};
 // things at the centre in the picture.
 struct ShotProperties {
   double side_rad = 0.0, height_rad = 0.0;
-  bool has_side = true;                 // false right above and below. From 60 degrees on the side counts less and less
+  bool has_side = true;                 // false right above and below; from 60 degrees of elevation on, the side counts less and less
   double size_log2 = 0.0;               // of one over the picture's height at the centre, in metres
   glm::dvec2 place_half_pictures{0.0};  // of the centre from the picture's middle, right and up; infinite if it is behind the camera
 };
@@ -43,14 +43,17 @@ struct ShotDeviation {
 };
 ShotDeviation deviation_between(const ShotProperties& asked, const ShotProperties& now);
 
-// The weighted sum of the deviations, each at most 1, or as far as they go.
+// The same, each deviation at most 1.
+ShotDeviation up_to_limits(const ShotDeviation& deviation);
+
+// The weighted sum of the deviations: up to their limits, or as far as they go.
 double shot_loss(const ShotDeviation& deviation, const ShotWeights& weights);
-double endless_shot_loss(const ShotDeviation& deviation, const ShotWeights& weights);
+double unbounded_shot_loss(const ShotDeviation& deviation, const ShotWeights& weights);
 
 // [0, 1]
 double picture_worth(double sight_loss, double shot_loss);
 
-// Many places at once: endless_shot_loss of side, height and size for each of `count` places, relative to the targets' centre.
+// Many places at once: unbounded_shot_loss of side, height and size for each of `count` places, relative to the targets' centre.
 // `asked_m`: the asked offset from the centre to the camera, not zero; the lens is the same at all places. Within 2e-3 of the function
 // above. Deterministic.
 struct ShotPlaces {
@@ -58,6 +61,6 @@ struct ShotPlaces {
   size_t count;
   glm::vec3 center_m;            // from the same origin
 };
-void endless_shot_losses(const ShotPlaces& places, const glm::dvec3& asked_m, const ShotWeights& weights, float* losses);
+void unbounded_shot_losses(const ShotPlaces& places, const glm::dvec3& asked_m, const ShotWeights& weights, float* losses);
 
 }  // namespace sightline

@@ -1,4 +1,4 @@
-// Chooses the shot among the viewpoints round the targets (paper 6.2, coherence; 3.4, responsiveness and predictive power).
+// Chooses the shot among the viewpoints round the targets (paper 6.2, coherence; 3.4, predictive power).
 //
 // A viewpoint is good when the targets are seen from it and from its neighbours, so that it stays good when they turn. It costs what its picture lacks of
 // the worth of the asked shot (picture_worth.h), and something for the change of the present shot.

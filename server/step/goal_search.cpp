@@ -90,7 +90,7 @@ class PlanPricer {
     const MoveSettings& settings = in.step.input.settings.move;
     shot_ = weights_.occlusion * settings.keep_shot;
     const glm::dvec3 asked_m = framed_offset_m(in.step, in.carried.shot.in_line_m.value_or(in.carried.shot.asked_offset_m));
-    if (settings.follow == Follow::kOffset && glm::length(asked_m) > kHereM) asked_m_ = asked_m;
+    if (settings.follow == Follow::kOffset && shot_ > 0 && glm::length(asked_m) > kHereM) asked_m_ = asked_m;
     if (targets_stand(in.step)) tolerance_ = std::max(tolerance_, picture_loss(kept_share, count_));
   }
 

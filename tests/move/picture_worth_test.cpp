@@ -35,7 +35,7 @@ TEST(PictureWorth, EachPropertyLosesItsWeightAtItsLimit) {
   EXPECT_NEAR(shot_loss(deviation(asked_m, offset_m(0, 55, 6)), weights), 0.2, 1e-9);
   EXPECT_NEAR(shot_loss(deviation(asked_m, offset_m(0, 10, 6 * std::exp2(-1.5))), weights), 0.4, 1e-9);
   EXPECT_NEAR(shot_loss(deviation(asked_m, offset_m(0, 10, 6 * std::exp2(-5))), weights), 0.4, 1e-9) << "no more beyond it";
-  EXPECT_NEAR(endless_shot_loss(deviation(asked_m, offset_m(0, 10, 6 * std::exp2(-5))), weights), 0.4 * 4.75 / 1.25, 1e-9) << "a search has a way back";
+  EXPECT_NEAR(unbounded_shot_loss(deviation(asked_m, offset_m(0, 10, 6 * std::exp2(-5))), weights), 0.4 * 4.75 / 1.25, 1e-9) << "a search has a way back";
 }
 
 TEST(PictureWorth, IsNeverLessThanNothing) {
@@ -55,10 +55,10 @@ TEST(PictureWorth, ManyPlacesAreAsEachOne) {
       const glm::vec3 from_box(center_m + at_m - box_m);
       x.push_back(from_box.x), y.push_back(from_box.y), z.push_back(from_box.z);
     }
-    endless_shot_losses({x.data(), y.data(), z.data(), x.size(), glm::vec3(center_m - box_m)}, asked_m, {}, losses.data());
+    unbounded_shot_losses({x.data(), y.data(), z.data(), x.size(), glm::vec3(center_m - box_m)}, asked_m, {}, losses.data());
     for (size_t i = 0; i < now_m.size(); ++i) {
       if (std::hypot(now_m[i].x, now_m[i].z) < 1e-2) continue;  // the place has nearly no side
-      EXPECT_NEAR(losses[i], endless_shot_loss(deviation(asked_m, now_m[i]), {}), 2e-3) << i;
+      EXPECT_NEAR(losses[i], unbounded_shot_loss(deviation(asked_m, now_m[i]), {}), 2e-3) << i;
     }
   }
 }

@@ -60,6 +60,10 @@ for sampler in egl embree; do
 done
 settings=() shown=""
 evaluate scenes --truth-every "$scenes_every"
+settings=() shown="--settings <keep_shot 0, 0.25, 0.5 and 2>"
+for share in 0:0 025:0.25 05:0.5 2:2; do settings+=(--settings "keep-${share%:*}={\"settings\":{\"keep_shot\":${share#*:}}}"); done
+evaluate keep-shot --truth-every "$scenes_every" --group study --policy sightline
+settings=() shown=""
 level_groups=(--group levels)
 [ -n "${SIGHTLINE_TILES:-}" ] && level_groups+=(--group tiles)
 evaluate levels --truth-every "$scenes_every" --group situations "${level_groups[@]}"

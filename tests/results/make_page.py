@@ -5,7 +5,7 @@
     make_page.py [FOLDER] --raw DIR --how KEY=VALUE ...
 
 With --raw, the page's tables and plots are first made anew from what make.sh measured: DIR/table1.csv by step_bench, and the folders
-DIR/hall, DIR/hall-front, DIR/fence and DIR/agile, the same with -embree, DIR/scenes, DIR/levels and DIR/ceiling by `sightline evaluate`. Any but
+DIR/hall, DIR/hall-front, DIR/fence and DIR/agile, the same with -embree, DIR/scenes, DIR/keep-shot, DIR/levels and DIR/ceiling by `sightline evaluate`. Any but
 hall and fence may be missing; then the page keeps the tables that it has. HOW says how it was measured.
 """
 import argparse
@@ -25,6 +25,10 @@ MORE_TABLES = ("table2-front.csv", "table3-agile.csv", "shots.csv", "worth.csv",
 SHOT_COLUMNS = ("scene", "seed", "policy", "joint_visible_share", "joint_whole_share", "mean_whole_share", "p95_size_pictures", "asked_height_rad",
                 "median_height_rad", "high_share", "shot_kept_share", "shot_deviation_side", "shot_deviation_height", "shot_deviation_size",
                 "shot_deviation_place", "shot_deviation", "mean_acceleration_mps2", "mean_worth", "mean_sight_loss", "mean_shot_loss", "as_asked_share", "r_n")
+TRADE_COLUMNS = ("scene", "seed", "policy", "joint_whole_share", "joint_visible_share", "shot_kept_share", "as_asked_share", "mean_sight_loss", "mean_shot_loss",
+                 "mean_worth", "median_height_rad", "r_n")
+# keep_shot by policy.
+TRADES = {"keep-0": "0", "keep-025": "0.25", "keep-05": "0.5", "sightline": "1", "keep-2": "2"}
 RUN_COLUMNS = ("scene", "seed", "targets", "policy", "pictures", "joint_visible_share", "all_seen", "r_n", "r_p",
                "r_p_tolerant", "mean_hidden_share", "episodes", "longest_blind_s", "longest_blind_with_way_s",
                "sustained_occlusions", "mean_reaction_s", "turns", "mean_turn_answer_s", "d_c_m", "d_s_heights",
@@ -58,6 +62,8 @@ def take_over(folder, raw, how):
     shots = raw / ("shots" if (raw / "shots").exists() else "scenes")
     if shots.exists():
         write_table(folder / "shots.csv", SHOT_COLUMNS, read_table(shots / "runs.csv"))
+    if (raw / "keep-shot").exists():
+        write_table(folder / "keep-shot.csv", TRADE_COLUMNS, read_table(raw / "keep-shot" / "runs.csv"))
     if (raw / "scenes").exists():
         runs = read_table(raw / "scenes" / "runs.csv")
         write_table(folder / "scenes.csv", RUN_COLUMNS, runs)
@@ -326,12 +332,12 @@ pictures without a pixel of any target. Over {len(scenes)} scenes the mean worth
 def trade_part(runs):
     if not runs:
         return ""
-    rows = [[policy.removeprefix("keep-"), *(percent(mean(own, name), 1) for name in ("joint_whole_share", "shot_kept_share", "as_asked_share")),
+    rows = [[value, *(percent(mean(own, name), 1) for name in ("joint_whole_share", "shot_kept_share", "as_asked_share")),
              *(number(mean(own, name), 3) for name in ("mean_sight_loss", "mean_shot_loss", "mean_worth")), number(math.degrees(mean(own, "median_height_rad")), 0)]
-            for policy in distinct(runs, "policy") for own in [select(runs, policy=policy)]]
+            for policy, value in TRADES.items() for own in [select(runs, policy=policy)] if own]
     return f"""## What keep_shot trades
 
-The setting `keep_shot` from sight first to shot first, over the {len(distinct(runs, "scene"))} scenes ({len(distinct(runs, "seed"))} seed). The default is 1. The losses are those of worth: of sight and of the shot.
+The setting `keep_shot` from sight first to shot first, over the {len(distinct(runs, "scene"))} scenes (number of seeds: {len(distinct(runs, "seed"))}). The default is 1. The losses are those of worth: of sight and of the shot.
 
 """ + markdown(["<keep_shot", "whole", "shot kept", "as asked", "sight loss", "shot loss", "worth", "height"], rows)
 

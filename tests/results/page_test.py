@@ -404,10 +404,29 @@ class Levels(unittest.TestCase):
         self.assertIn("| an echo | the same | slow | `Echo.Is`, `Echo.Was` |  |  | the same |", page)
 
 
+class Worth(unittest.TestCase):
+    def row(self, scene, build, worth):
+        return {"scene": scene, "seed": 1.0, "build": build, "mean_worth": worth, "joint_whole_share": 0.5, "asked_height_rad": 0.25,
+                "median_height_rad": 0.5, "shot_kept_share": 0.75, "r_n": 0.125}
+
+    def test_both_builds_stand_side_by_side_and_the_greatest_fall_is_named(self):
+        page = make_page.worth_part([self.row("hall", "before", 0.5), self.row("hall", "now", 0.8), self.row("doors", "before", 0.4), self.row("doors", "now", 0.3)])
+        self.assertIn("| hall | 0.50 | 0.80 | 50 % | 50 % | 14 | 29 | 29 | 75 % | 75 % | 12.5 % | 12.5 % |", page)
+        self.assertIn("rose by 0.100", page)
+        self.assertIn("fell most in doors, by 0.10", page)
+        self.assertIn("fell in none", make_page.worth_part([self.row("hall", "before", 0.5), self.row("hall", "now", 0.8)]))
+
+    def test_claims_compare_whole_bodies_and_worth(self):
+        runs = [run("hall", policy, 1.0, 0.5, 3.0, joint_whole_share=0.4, mean_worth=0.5) for policy in claims.RIVALS]
+        own = run("hall", "sightline", 1.0, 0.5, 3.0, joint_whole_share=0.5, mean_worth=0.45)
+        holds = [claim.holds for claim in claims.shot_claims(runs + [own])]
+        self.assertEqual(holds, [True, False] * len(claims.RIVALS))
+
+
 class Page(unittest.TestCase):
     def make_raw(self, raw):
         """What make.sh leaves: rows by name of policy, every figure the same for all."""
-        for folder in ("hall", "hall-front", "fence", "agile", "agile-embree", "scenes"):
+        for folder in ("hall", "hall-front", "fence", "agile", "agile-embree", "scenes", "keep-shot"):
             (raw / folder).mkdir(parents=True)
         timing = {"sampler": "embree", "renderer": "rays, by the CPU", "settings": "paper", "r": 5, "frames": 10, "samples": 100}
         for stage in ("sample", "aggregate", "move", "total"):
@@ -423,6 +442,7 @@ class Page(unittest.TestCase):
         self.write_pictures(raw / "scenes", {"hall"}, ("follow", "sightline"))
         self.write_runs(raw / "hall", {"hall"}, [policy for policy, *_ in paper_tables.MODELS])
         self.write_runs(raw / "fence", {"fence", "fence-board"}, [policy for policy, *_ in paper_tables.STABILITIES])
+        self.write_runs(raw / "keep-shot", {"hall"}, make_page.TRADES)
         agile = [policy.replace("stability", "agile") for policy, *_ in paper_tables.STABILITIES]
         self.write_runs(raw / "hall-front", {"hall-front"}, [policy for policy, *_ in paper_tables.MODELS])
         self.write_runs(raw / "agile", {"fence-agile"}, agile)
@@ -461,6 +481,7 @@ class Page(unittest.TestCase):
             self.assertIn("| hall | sightline | 0 | 0 | 12.0 | 10.0 % | 1.0 % | 100 | 400 | 0.25 | 1.50 |", page)
             self.assertIn("| 20.0 % | 0.50 % | 60.0 % | 2.00 % |", page)
             self.assertIn("| hall | sightline | 0.25 | 25 % | 25.0 % | 90.0 % | 0.25 | 14 | 14 | 25 % | 25 % | 0.25 |", page)
+            self.assertIn("| 0.5 | 25.0 % | 25.0 % | 25.0 % | 0.250 | 0.250 | 0.250 | 14 |", page)
             self.assertEqual(page.count("!["), 5)
             for line in page.splitlines():
                 if line.startswith("!["):

@@ -3,7 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -26,8 +25,7 @@ CameraFrame looks(const glm::dvec3& center_m, double side_deg, double height_deg
 }
 
 ShotDeviation deviation(const CameraFrame& asked, const CameraFrame& now, const glm::dvec3& center_m = {3, 1, -2}) {
-  const ShotDeviation found = deviation_between(shot_properties(asked, center_m), shot_properties(now, center_m));
-  return {std::min(found.side, 1.0), std::min(found.height, 1.0), std::min(found.size, 1.0), std::min(found.place, 1.0)};
+  return up_to_limits(deviation_between(shot_properties(asked, center_m), shot_properties(now, center_m)));
 }
 
 TEST(Coherence, EachPropertyDeviatesFromItsBandToItsLimit) {

@@ -944,7 +944,8 @@ type ViewpointSearchSettings struct {
 	// from the neighbouring ones. 0: the camera never comes to rest. 1: it never looks for another shot. While they move, only the
 	// client's own shot is taken again in this way, after 1.5 s with at most 0.05.
 	KeepShotBelow *float64 `protobuf:"fixed64,3,opt,name=keep_shot_below,json=keepShotBelow,proto3,oneof" json:"keep_shot_below,omitempty"`
-	// Otherwise the cost of a new shot must be lower by this much. The cost of a shot is in [0, 1].
+	// Otherwise the cost of a new shot must be lower by this much. The cost of a shot is what its picture lacks of the worth of the asked one (ShotWeights), and a
+	// part of that for the change of the present shot.
 	SwitchMargin  *float64 `protobuf:"fixed64,4,opt,name=switch_margin,json=switchMargin,proto3,oneof" json:"switch_margin,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
