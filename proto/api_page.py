@@ -11,7 +11,7 @@ import sys
 from google.protobuf import descriptor_pb2
 
 Field = descriptor_pb2.FieldDescriptorProto
-ORDER = ("camera_control", "session", "scene", "settings", "camera", "errors", "server", "diagnostics", "recording")
+ORDER = ("camera_control", "session", "shot", "scene", "settings", "camera", "errors", "server", "diagnostics", "recording")
 SCALARS = {Field.TYPE_DOUBLE: "double", Field.TYPE_FLOAT: "float", Field.TYPE_INT32: "int32", Field.TYPE_INT64: "int64",
            Field.TYPE_UINT32: "uint32", Field.TYPE_UINT64: "uint64", Field.TYPE_FIXED32: "fixed32", Field.TYPE_FIXED64: "fixed64",
            Field.TYPE_SFIXED32: "sfixed32", Field.TYPE_SFIXED64: "sfixed64", Field.TYPE_SINT32: "sint32", Field.TYPE_SINT64: "sint64",

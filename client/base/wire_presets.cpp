@@ -36,8 +36,8 @@ Result<v1::OpenSession> settings_from_json(const std::string& json) {
   const auto parsed = google::protobuf::util::JsonStringToMessage(json, &given);
   if (!parsed.ok()) return invalid("", std::string(parsed.message()));
   v1::OpenSession rest = given;
-  rest.clear_settings(), rest.clear_tuning();
-  if (rest.ByteSizeLong() > 0) return invalid("", "must hold \"settings\" and \"tuning\" only");
+  rest.clear_settings(), rest.clear_tuning(), rest.clear_shot();
+  if (rest.ByteSizeLong() > 0) return invalid("", "must hold \"settings\", \"tuning\" and \"shot\" only");
   return given;
 }
 

@@ -13,6 +13,7 @@
 #include "client/evaluate/evaluate_command.h"
 #include "client/replay/replay_command.h"
 #include "client/report/report_command.h"
+#include "client/shots/shots_command.h"
 #include "client/status/command.h"
 #include "client/command/scene_command.h"
 #include "client/cpp/sightline_client.h"
@@ -44,6 +45,8 @@ void add_drive(CLI::App& app, sightline::DriveOptions& options) {
   drive->add_option("--preset", options.preset, "Preset that the session's settings start from")
       ->check(CLI::IsMember(sightline::preset_names()))
       ->capture_default_str();
+  drive->add_option("--shot", options.shot,
+                    "A named shot (`sightline shots` lists them), or the part of a Tick that asks for one as JSON. The subject is the first target, the other the second");
   drive->add_option("--out", options.out, "Folder for trace.csv, metrics.json, contact.png and comparison.png")
       ->capture_default_str();
   drive->add_option("--page", options.page,
@@ -135,6 +138,7 @@ int main(int argc, char** argv) {
   verbs.push_back(sightline::add_replay_verb(app));
   verbs.push_back(sightline::add_compare_verb(app));
   verbs.push_back(sightline::add_report_verb(app));
+  verbs.push_back(sightline::add_shots_verb(app));
   verbs.push_back(sightline::add_status_verb(app));
   verbs.push_back(sightline::add_top_verb(app));
 

@@ -23,11 +23,22 @@ void CameraSnapshot::take_reply(const v1::CameraReply& reply) {
   *camera_->mutable_pose() = reply.pose();
   *camera_->mutable_velocity() = reply.velocity();
   *camera_->mutable_angular_velocity() = reply.angular_velocity();
+  kept_ = reply.has_shot() ? std::optional(reply.shot()) : std::nullopt;
+}
+
+// The shot as it was asked for last, from where it is now.
+void CameraSnapshot::go_on_with_shot(v1::OpenSession& request) const {
+  if (!kept_ || kept_->distance().asked() <= 0) return;
+  v1::Shot& shot = *request.mutable_shot();
+  shot.clear_cut(), shot.clear_blend_s();
+  shot.set_side_rad(kept_->side().asked());
+  shot.set_height_rad(kept_->height().asked());
+  if (!shot.has_size()) shot.set_distance(kept_->distance().asked());
 }
 
 v1::OpenSession CameraSnapshot::opening() const {
   v1::OpenSession request = first_;
-  if (camera_) *request.mutable_camera() = camera_->pose();
+  if (camera_) *request.mutable_camera() = camera_->pose(), go_on_with_shot(request);
   return request;
 }
 
@@ -94,6 +105,7 @@ void CameraSnapshot::move(const v1::Transforms& moved) {
 void CameraSnapshot::take_terms(const v1::Tick& tick) {
   if (tick.has_targets()) *terms_.mutable_targets() = tick.targets();
   if (tick.has_lens()) *terms_.mutable_lens() = tick.lens();
+  if (tick.has_shot()) *first_.mutable_shot() = tick.shot();
   if (tick.has_limits()) terms_.mutable_limits()->MergeFrom(tick.limits());
   // A preset resets the settings and the tuning.
   if (tick.settings().preset() != v1::Settings::PRESET_UNSPECIFIED) terms_.clear_settings(), terms_.clear_tuning();

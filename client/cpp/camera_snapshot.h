@@ -14,7 +14,7 @@ namespace sightline {
 // Follows the ticks that a daemon has applied. A session that is opened with opening() and gets ticks() has the same scene, targets, settings,
 // limits, lens and clock as one that got every tick, and its camera is where the newest reply had it.
 //
-// The camera's memory is lost: the things that it had seen before, and the shot that it kept. Its last pose is its new shot.
+// The shot goes on. The camera's memory of the things that it had seen before is lost.
 class CameraSnapshot {
  public:
   explicit CameraSnapshot(v1::OpenSession first) : first_(std::move(first)) {}
@@ -46,16 +46,18 @@ class CameraSnapshot {
   void forget_in_targets(uint64_t id);
   void move(const v1::Transforms& moved);
   void take_terms(const v1::Tick& tick);
+  void go_on_with_shot(v1::OpenSession& request) const;
   std::vector<Entry> in_order() const;
   std::optional<v1::SceneDelta> delta() const;
   std::optional<v1::Transforms> transforms(const std::function<bool(const Change&)>& takes) const;
 
-  v1::OpenSession first_;
+  v1::OpenSession first_;  // with the newest shot
   std::map<uint64_t, Change> changes_;
   uint64_t orders_ = 0;
   v1::Tick terms_;  // targets, lens, settings, limits and tuning that replace those of the opening
   double time_s_ = 0.0;
   std::optional<v1::ObservedCamera> camera_;
+  std::optional<v1::ShotReport> kept_;  // of the newest reply
 };
 
 // True if the tick was applied and only its step failed (see TickError).

@@ -6,8 +6,8 @@ using Sightline.V1;
 namespace Sightline.Client {
 
 /// <summary>Follows the ticks that a daemon has applied. A session that is opened with <see cref="Opening"/> and gets <see cref="Ticks"/> has the same
-/// scene, targets, settings, limits, lens and clock as one that got every tick, and its camera is where the newest reply had it. The camera's memory is
-/// lost: what it had seen before, and the shot that it kept. Its last pose is its new shot. For one thread at a time.</summary>
+/// scene, targets, settings, limits, lens and clock as one that got every tick, and its camera is where the newest reply had it. The shot goes
+/// on. The camera's memory of what it had seen before is lost. For one thread at a time.</summary>
 internal sealed class Snapshot {
     // The changes that ticks made to one instance.
     sealed class Change {
@@ -24,6 +24,7 @@ internal sealed class Snapshot {
     readonly Tick terms = new Tick();  // targets, lens, settings, limits and tuning that replace those of the opening
     double timeS;
     ObservedCamera camera;
+    ShotReport kept;  // of the newest reply
 
     public Snapshot(OpenSession opening) { this.opening = opening.Clone(); }
 
@@ -37,13 +38,28 @@ internal sealed class Snapshot {
 
     public void TakeReply(CameraReply reply) {
         camera = new ObservedCamera { Pose = reply.Pose.Clone(), Velocity = reply.Velocity?.Clone(), AngularVelocity = reply.AngularVelocity?.Clone() };
+        kept = reply.Shot?.Clone();
     }
 
     /// <summary>The first message of the session that goes on: as at first, but with the camera where it is now.</summary>
     public OpenSession Opening() {
         var request = opening.Clone();
-        if (camera != null) request.Camera = camera.Pose.Clone();
+        if (camera != null) {
+            request.Camera = camera.Pose.Clone();
+            GoOnWithShot(request);
+        }
         return request;
+    }
+
+    /// <summary>The shot as it was asked for last, from where it is now.</summary>
+    void GoOnWithShot(OpenSession request) {
+        if (kept == null || !(kept.Distance.Asked > 0)) return;
+        var shot = request.Shot ??= new Shot();
+        shot.Cut = false;
+        shot.BlendS = 0;
+        shot.SideRad = kept.Side.Asked;
+        shot.HeightRad = kept.Height.Asked;
+        if (shot.FarCase != Shot.FarOneofCase.Size) shot.Distance = kept.Distance.Asked;
     }
 
     /// <summary>The ticks that follow the opening; they get no replies of their own. Empty before the first reply.</summary>
@@ -125,6 +141,7 @@ internal sealed class Snapshot {
     void TakeTerms(Tick tick) {
         if (tick.Targets != null) terms.Targets = tick.Targets.Clone();
         if (tick.Lens != null) terms.Lens = tick.Lens.Clone();
+        if (tick.Shot != null) opening.Shot = tick.Shot.Clone();
         if (tick.Settings != null && tick.Settings.Preset != Settings.Types.Preset.Unspecified) {
             // A preset resets the settings and the tuning.
             terms.Settings = null;

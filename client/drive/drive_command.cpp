@@ -19,6 +19,7 @@
 #include "client/scenario/scenario_session.h"
 #include "client/drive/trace.h"
 #include "client/base/wire_presets.h"
+#include "client/shots/named_shots.h"
 #include "server/base/cpu_budget.h"
 #include "server/scene/confined_folder.h"
 
@@ -90,6 +91,7 @@ class Drive {
     open_.mutable_limits()->set_max_speed_mps(limits_.max_speed_mps);
     open_.mutable_limits()->set_max_acceleration_mps2(limits_.max_acceleration_mps2);
     open_.mutable_settings()->set_preset(*preset);
+    if (auto asked = ask_for_shot(); !asked) return asked;
     open_.mutable_diagnostics()->set_candidates(!options_.page.empty());
     auto session = client->open_session(open_, 30s);
     if (!session) return tl::unexpected(session.error());
@@ -101,6 +103,16 @@ class Drive {
     frames_ = std::move(*frames);
     for (const PlayedFrame& played : frames_) path_.push_back(played.frame);
     return (*session)->close(5s);
+  }
+
+  Status ask_for_shot() {
+    if (options_.shot.empty()) return {};
+    const auto id = [&](int i) { return i < open_.targets_size() ? open_.targets(i).id() : 0; };
+    const auto asked = read_shot_text(options_.shot, id(0), id(1));
+    if (!asked) return tl::unexpected(asked.error());
+    open_.mutable_settings()->MergeFrom(asked->settings());
+    if (asked->has_shot()) *open_.mutable_shot() = asked->shot();
+    return {};
   }
 
   void say_opened(const v1::SessionOpened& opened) {

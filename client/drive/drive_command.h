@@ -18,6 +18,7 @@ struct DriveOptions {
   double duration_s = 0.0;  // 0: the animation's
   uint64_t seed = 1;
   std::string preset = "sightline";  // what the session's settings start from, of preset_names() (client/base/wire_presets.h)
+  std::string shot;                  // see read_shot_text (client/shots/named_shots.h); empty: the scenario's first pose
   std::string out = "out";           // folder for trace.csv, metrics.json, contact.png and comparison.png; made when missing
   std::string page;                  // file for the page of the session (session_page.h); empty: none
   bool lockstep = false;             // --fast

@@ -110,7 +110,7 @@ Result<std::vector<PolicyEntry>> policies_of(const EvaluateOptions& options) {
     if (has_name(known, named->name) || has_name(chosen, named->name))
       return invalid("settings",
                      std::string("there is already a policy \"").append(named->name).append("\""));
-    chosen.push_back(step_policy(std::move(named->name), named->settings));
+    chosen.push_back(step_policy(std::move(named->name), named->settings, named->shot));
   }
   return chosen;
 }

@@ -11,6 +11,7 @@
 
 #include "client/scenario/scenario_world.h"
 #include "client/truth/reports.h"
+#include "server/move/asked_shot.h"
 #include "server/sample/extent.h"
 #include "server/sample/sampler.h"
 #include "server/step/step.h"
@@ -64,17 +65,18 @@ std::vector<PolicyEntry> policies();
 PolicyEntry ceiling_policy();
 inline constexpr std::string_view kCeilingName = "ceiling";
 // A policy of Sightline's step under these settings.
-PolicyEntry step_policy(std::string name, const StepSettings& settings);
+PolicyEntry step_policy(std::string name, const StepSettings& settings, const AskedShot& shot = {});
 
-// Reads NAME=JSON, where JSON is a `Settings` message (settings.proto) over the default preset, for example
-//   calm={"move":{"response_s":0.4},"aggregate":{"filter":{"mode":"JOINT","alpha":0.6,"n":10}}}
+// Reads NAME=JSON, where JSON holds `settings`, `tuning` and `shot` of an OpenSession message (session.proto), over the default preset. For example
+//   calm={"settings":{"move_response_s":0.4},"tuning":{"aggregate":{"filter":{"mode":"JOINT","alpha":0.6,"n":10}}}}
 // NAME consists of 1 to 32 letters, digits, '-' and '_'. Fields that are absent keep the preset's value, as in a session.
 //
-// Errors name the field: "settings" when the text is not NAME=JSON, "settings.calm" when JSON is not a Settings message,
-// "settings.calm.move.response_s" when a value is out of range.
+// Errors name the field: "settings" when the text is not NAME=JSON, "settings.calm" when JSON is no such message,
+// "settings.calm.settings.move_response_s" when a value is out of range.
 struct NamedSettings {
   std::string name;
   StepSettings settings;
+  AskedShot shot;  // number 0: none
 };
 Result<NamedSettings> read_named_settings(const std::string& text);
 

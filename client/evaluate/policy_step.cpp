@@ -6,6 +6,7 @@
 #include "client/evaluate/policy.h"
 #include "server/session/session.h"
 #include "server/settings/step_settings.h"
+#include "server/wire/from_proto_shot.h"
 #include "server/wire/from_proto_values.h"
 
 namespace sightline {
@@ -80,7 +81,7 @@ Status add_scene(const Scenario& scenario, GeometryStore& store, SessionOptions&
   return {};
 }
 
-Result<std::unique_ptr<CameraPolicy>> make_step_policy(const PolicySite& site, const StepSettings& settings) {
+Result<std::unique_ptr<CameraPolicy>> make_step_policy(const PolicySite& site, const StepSettings& settings, const AskedShot& shot) {
   SessionOptions options;
   options.seed = site.seed;
   options.camera = site.scenario.camera();
@@ -88,6 +89,7 @@ Result<std::unique_ptr<CameraPolicy>> make_step_policy(const PolicySite& site, c
   options.limits = site.limits;
   if (settings.move.strategy != Strategy::kMinCost) options.limits.max_jerk_mps3 = 0;  // the paper has no such limit
   options.settings = settings;
+  options.shot = shot;
   options.extents = &site.extents;
   if (auto added = add_scene(site.scenario, site.store, options); !added)
     return tl::unexpected(added.error());
@@ -107,13 +109,13 @@ bool is_name(const std::string& name) {
 
 }  // namespace
 
-PolicyEntry step_policy(std::string name, const StepSettings& settings) {
-  return {std::move(name), [settings](const PolicySite& site) { return make_step_policy(site, settings); }};
+PolicyEntry step_policy(std::string name, const StepSettings& settings, const AskedShot& shot) {
+  return {std::move(name), [settings, shot](const PolicySite& site) { return make_step_policy(site, settings, shot); }};
 }
 
 Result<NamedSettings> read_named_settings(const std::string& text) {
   const size_t equals = text.find('=');
-  NamedSettings named{.name = text.substr(0, equals), .settings = preset_settings(Preset::kSightline)};
+  NamedSettings named{.name = text.substr(0, equals), .settings = preset_settings(Preset::kSightline), .shot = {}};
   if (equals == std::string::npos || !is_name(named.name))
     return invalid("settings", "must be NAME=JSON, NAME being 1 to 32 letters, digits, '-' or '_'");
   const std::string field = std::string("settings.").append(named.name);
@@ -121,6 +123,10 @@ Result<NamedSettings> read_named_settings(const std::string& text) {
   if (!wire) return invalid(field, wire.error().message);
   if (Status ok = read_settings(wire->settings(), wire->tuning(), field + ".", named.settings); !ok)
     return tl::unexpected(ok.error());
+  if (wire->has_shot()) {
+    if (Status ok = read_shot(wire->shot(), gltf_convention(), field + ".shot", named.shot); !ok) return tl::unexpected(ok.error());
+    named.shot.number = 1;
+  }
   if (Status ok = validate(named.settings); !ok)
     return fail(ok.error().code, std::string(field).append(".").append(ok.error().field), ok.error().message);
   return named;

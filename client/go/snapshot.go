@@ -21,7 +21,7 @@ type change struct {
 // daemon has applied. A session that is opened with opening() and gets ticks() has the same scene, targets, settings, limits, lens and clock
 // as one that got every tick, and its camera is where the newest reply had it.
 //
-// The camera's memory is lost: the things that it had seen before, and the shot that it kept. Its last pose is its new shot.
+// The shot goes on. The camera's memory of the things that it had seen before is lost.
 type snapshot struct {
 	first   *v1.OpenSession
 	changes map[uint64]*change
@@ -29,6 +29,7 @@ type snapshot struct {
 	terms   *v1.Tick // targets, lens, settings, limits and tuning that replace those of the opening
 	timeS   float64
 	camera  *v1.ObservedCamera
+	kept    *v1.ShotReport // of the newest reply
 }
 
 func newSnapshot(first *v1.OpenSession) *snapshot {
@@ -45,6 +46,7 @@ func (s *snapshot) apply(tick *v1.Tick) {
 
 func (s *snapshot) takeReply(reply *v1.CameraReply) {
 	s.camera = &v1.ObservedCamera{Pose: reply.GetPose(), Velocity: reply.GetVelocity(), AngularVelocity: reply.GetAngularVelocity()}
+	s.kept = reply.GetShot()
 }
 
 // opening is the first message of the session that goes on: as at first, but with the camera where it is now.
@@ -52,8 +54,25 @@ func (s *snapshot) opening() *v1.OpenSession {
 	request := proto.Clone(s.first).(*v1.OpenSession)
 	if s.camera != nil {
 		request.Camera = s.camera.Pose
+		s.goOnWithShot(request)
 	}
 	return request
+}
+
+// goOnWithShot asks for the shot as it was asked for last, from where it is now.
+func (s *snapshot) goOnWithShot(request *v1.OpenSession) {
+	if s.kept.GetDistance().GetAsked() <= 0 {
+		return
+	}
+	if request.Shot == nil {
+		request.Shot = &v1.Shot{}
+	}
+	shot := request.Shot
+	shot.Cut, shot.BlendS = false, 0
+	shot.SideRad, shot.HeightRad = proto.Float64(s.kept.GetSide().GetAsked()), proto.Float64(s.kept.GetHeight().GetAsked())
+	if _, bySize := shot.Far.(*v1.Shot_Size); !bySize {
+		shot.Far = &v1.Shot_Distance{Distance: s.kept.GetDistance().GetAsked()}
+	}
 }
 
 // ticks are those that follow the opening; they get no replies of their own. nextSequence is that of the tick after them. There are none
@@ -142,6 +161,9 @@ func (s *snapshot) takeTerms(tick *v1.Tick) {
 	}
 	if tick.Lens != nil {
 		s.terms.Lens = tick.Lens
+	}
+	if tick.Shot != nil {
+		s.first.Shot = proto.Clone(tick.Shot).(*v1.Shot)
 	}
 	if tick.GetSettings().GetPreset() != v1.Settings_PRESET_UNSPECIFIED { // resets the settings and the tuning
 		s.terms.Settings, s.terms.Tuning = nil, nil

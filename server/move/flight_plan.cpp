@@ -250,10 +250,10 @@ void FlightPlanner::add_distances(size_t slice, const glm::dvec3& point_m, doubl
                static_cast<float>(weight), others.data() + begin_, cost_[slice].data() + begin_);
 }
 
-void FlightPlanner::add_shot_losses(size_t slice, const glm::dvec3& center_m, const glm::dvec3& asked_m, const ShotWeights& weights, double weight) {
+void FlightPlanner::add_shot_losses(size_t slice, const glm::dvec3& center_m, const glm::dvec3& asked_m, const ShotWeights& weights, double weight, double tolerance) {
   const ShotPlaces places{x_m_.data() + begin_, y_m_.data() + begin_, z_m_.data() + begin_, end_ - begin_,
                           glm::vec3(center_m - glm::dvec3(box_.low) * spacing_m_)};
-  unbounded_shot_losses(places, asked_m, weights, scratch_.data() + begin_);
+  unbounded_shot_losses(places, asked_m, weights, scratch_.data() + begin_, tolerance);
   add_to(scratch_.data() + begin_, end_ - begin_, static_cast<float>(weight), cost_[slice].data() + begin_);
 }
 

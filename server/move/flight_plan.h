@@ -75,7 +75,7 @@ class FlightPlanner {
   void add_distances(size_t slice, const glm::dvec3& point_m, double weight, std::span<const float> others);
   // Adds `weight` >= 0 times what a picture from each cell loses by departing from a shot (unbounded_shot_losses in picture_worth.h).
   // `center_m`: the targets' centre at that slice, world metres. `asked_m`: the asked offset from there, not zero. Called like add_distances.
-  void add_shot_losses(size_t slice, const glm::dvec3& center_m, const glm::dvec3& asked_m, const ShotWeights& weights, double weight);
+  void add_shot_losses(size_t slice, const glm::dvec3& center_m, const glm::dvec3& asked_m, const ShotWeights& weights, double weight, double tolerance = 1.0);
   size_t cell_count() const { return box_.count(); }
 
   // The cheapest plan, after all costs are set. Its first point alone if no cell can be reached.

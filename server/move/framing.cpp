@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "server/base/check.h"
@@ -59,10 +60,22 @@ void include_body(const TrackedTarget& target, const glm::dvec3& middle_m, const
   }
 }
 
-Extents extents_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& angles) {
+// The targets that count for the aim: those with a place in the picture, or all if none has one.
+bool any_place_of(std::span<const TrackedTarget> targets) {
+  return std::any_of(targets.begin(), targets.end(), [](const auto& t) { return t.steered() && t.place; });
+}
+
+// The direction of a place in the picture, radians from the middle.
+glm::dvec2 place_angles(const TrackedTarget& target, const Lens& lens) {
+  if (!target.place) return glm::dvec2(0.0);
+  const double top = std::tan(lens.vertical_fov_rad / 2);
+  return {std::atan(target.place->x * top * lens.aspect), std::atan(target.place->y * top)};
+}
+
+Extents extents_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& angles, const Lens& lens) {
   const glm::dquat camera_from_world =
       glm::conjugate(rotation_from_angles({angles.yaw_rad, angles.pitch_rad, 0}));
-  const bool any_required = any_required_of(targets);
+  const bool any_required = any_required_of(targets), any_place = any_place_of(targets);
   Extents out;
   double weight = 0;
   for (const TrackedTarget& target : targets) {
@@ -75,8 +88,10 @@ Extents extents_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targe
       else
         include_sphere(p, target.radius_m, out);
     }
-    out.x.mean += target.weight * ax;
-    out.y.mean += target.weight * ay;
+    if (any_place && !target.place) continue;
+    const glm::dvec2 wanted = place_angles(target, lens);
+    out.x.mean += target.weight * (ax - wanted.x);
+    out.y.mean += target.weight * (ay - wanted.y);
     weight += target.weight;
   }
   out.x.mean /= weight;
@@ -109,16 +124,17 @@ double beyond(double shift, double dead) {
 }  // namespace
 
 Aim aim_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& present,
-           const Lens& lens, const FramingSettings& settings) {
+           const Lens& lens, const FramingSettings& settings, std::optional<double> fixed_yaw_rad) {
   const double half_y = lens.vertical_fov_rad / 2, half_x = half_horizontal_fov_rad(lens);
   const double room = 1 - settings.framing_margin;
   ViewAngles angles = angles_towards(weighted_center_m(targets) - eye_m, present);
+  if (fixed_yaw_rad) angles = {*fixed_yaw_rad, angles.pitch_rad, 0};
   for (int i = 0; i < kAimIterations; ++i) {
-    const Extents at = extents_at(eye_m, targets, angles);
-    angles.yaw_rad -= at.x.shift(half_x * room);
+    const Extents at = extents_at(eye_m, targets, angles, lens);
+    if (!fixed_yaw_rad) angles.yaw_rad -= at.x.shift(half_x * room);
     angles.pitch_rad = std::clamp(angles.pitch_rad + at.y.shift(half_y * room), -kMaxPitchRad, kMaxPitchRad);
   }
-  const Extents at = extents_at(eye_m, targets, angles);
+  const Extents at = extents_at(eye_m, targets, angles, lens);
   Aim aim;
   aim.vertical_fov_rad = zoom_for(at, lens, settings);
   aim.fits = at.x.reach() <= half_x && at.y.reach() <= half_y;
@@ -127,6 +143,21 @@ Aim aim_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, cons
   aim.angles.pitch_rad =
       present.pitch_rad + beyond(angles.pitch_rad - present.pitch_rad, settings.dead_zone * half_y);
   return aim;
+}
+
+glm::dvec2 off_place_half_pictures(const Pose& world_from_camera, std::span<const TrackedTarget> targets, const Lens& lens) {
+  const bool any_place = any_place_of(targets);
+  const double top = std::tan(lens.vertical_fov_rad / 2);
+  glm::dvec2 sum(0.0);
+  double weight = 0;
+  for (const TrackedTarget& target : targets) {
+    if (!target.steered() || (any_place && !target.place)) continue;
+    const glm::dvec3 p = inverse_transform_point(world_from_camera, target.aim_m);
+    if (p.z >= 0) return glm::dvec2(std::numeric_limits<double>::infinity());
+    sum += target.weight * (glm::dvec2(p.x / lens.aspect, p.y) / (-p.z * top) - target.place.value_or(glm::dvec2(0.0)));
+    weight += target.weight;
+  }
+  return weight > 0 ? sum / weight : sum;
 }
 
 bool fits_picture(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& present, const Lens& lens,

@@ -1,6 +1,7 @@
 // Aims and zooms the camera so that all required targets are in the picture (design 6).
 #pragma once
 
+#include <optional>
 #include <span>
 
 #include "server/base/camera.h"
@@ -27,11 +28,16 @@ struct Aim {
   bool fits = true;               // every required target is inside the picture
 };
 
-// The aim from `eye_m`. It is at the weighted mean of the steered targets, moved as little as needed so that the bodies of all required
+// The aim from `eye_m`. It brings the steered targets as near as possible to their places in the picture, by weight; without any place, their
+// weighted mean to the middle. It is moved as little as needed so that the bodies of all required
 // targets are inside the picture, or their spheres where no body is known. When they do not fit, it is at their middle. `present` gives
 // the yaw of a vertical aim, and is returned for aims in the dead zone around it. At least one target must be steered.
+// `fixed_yaw_rad`: the yaw that the camera keeps, for views from above; the aim is by the pitch alone.
 Aim aim_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& present,
-           const Lens& lens, const FramingSettings& settings);
+           const Lens& lens, const FramingSettings& settings, std::optional<double> fixed_yaw_rad = {});
+
+// How far the steered targets are from their places in a picture, by weight: right and up, in halves of the picture. Infinite if one that counts is behind the camera.
+glm::dvec2 off_place_half_pictures(const Pose& world_from_camera, std::span<const TrackedTarget> targets, const Lens& lens);
 
 // Returns whether the camera could turn so that the aim points of all targets with a weight are in the picture from `eye_m`. If
 // `required_only` is set and some target is required, the required targets suffice. `room` in (0, 1] is the share of the picture that they may fill.

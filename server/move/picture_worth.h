@@ -41,7 +41,8 @@ ShotProperties shot_from(const glm::dvec3& offset_m, double vertical_fov_rad);
 struct ShotDeviation {
   double side = 0.0, height = 0.0, size = 0.0, place = 0.0;
 };
-ShotDeviation deviation_between(const ShotProperties& asked, const ShotProperties& now);
+// `tolerance`, [0, 3]: how wide the free bands are, 1 as above. The limits stay.
+ShotDeviation deviation_between(const ShotProperties& asked, const ShotProperties& now, double tolerance = 1.0);
 
 // The same, each deviation at most 1.
 ShotDeviation up_to_limits(const ShotDeviation& deviation);
@@ -61,6 +62,6 @@ struct ShotPlaces {
   size_t count;
   glm::vec3 center_m;            // from the same origin
 };
-void unbounded_shot_losses(const ShotPlaces& places, const glm::dvec3& asked_m, const ShotWeights& weights, float* losses);
+void unbounded_shot_losses(const ShotPlaces& places, const glm::dvec3& asked_m, const ShotWeights& weights, float* losses, double tolerance = 1.0);
 
 }  // namespace sightline

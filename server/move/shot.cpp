@@ -31,8 +31,8 @@ struct SharesAt {
 class ShotCosts {
  public:
   ShotCosts(const ViewpointMap& viewpoints, std::span<const TrackedTarget> targets, const ShotWish& wish, const MoveSettings& settings)
-      : viewpoints_(viewpoints), targets_(targets), settings_(settings), asked_m_(wish.asked_m),
-        asked_(shot_from(wish.asked_m, kAnyFovRad)), present_(shot_from(wish.present_m, kAnyFovRad)) {}
+      : viewpoints_(viewpoints), targets_(targets), settings_(settings), asked_m_(wish.asked_m), subjects_m_(wish.subjects_m), tolerance_(wish.tolerance),
+        asked_(shot_from(wish.asked_m - wish.subjects_m, kAnyFovRad)), present_(shot_from(wish.present_m - wish.subjects_m, kAnyFovRad)) {}
 
   double sight_loss(size_t place) const {
     const SharesAt shares(viewpoints_, targets_.size(), place);
@@ -40,17 +40,18 @@ class ShotCosts {
   }
   double shot_cost(size_t place) const {
     const glm::dvec3 offset_m = viewpoints_.offset_m(place);
-    const ShotProperties shot = shot_from(offset_m, kAnyFovRad);
+    const ShotProperties shot = shot_from(offset_m - subjects_m_, kAnyFovRad);
     return settings_.keep_shot * (kAside * glm::distance(offset_m, asked_m_) / glm::length(asked_m_) +
-                                  shot_loss(deviation_between(asked_, shot), settings_.shot) +
-                                  kChange * shot_loss(deviation_between(present_, shot), settings_.shot));
+                                  shot_loss(deviation_between(asked_, shot, tolerance_), settings_.shot) +
+                                  kChange * shot_loss(deviation_between(present_, shot, tolerance_), settings_.shot));
   }
 
  private:
   const ViewpointMap& viewpoints_;
   const std::span<const TrackedTarget> targets_;
   const MoveSettings& settings_;
-  const glm::dvec3 asked_m_;
+  const glm::dvec3 asked_m_, subjects_m_;
+  const double tolerance_;
   const ShotProperties asked_, present_;
 };
 

@@ -178,6 +178,7 @@ void SessionSnapshot::apply_terms(const v1::Tick& tick) {
   if (tick.has_targets()) targets_ = tick.targets();
   if (tick.has_observed_camera()) camera_ = tick.observed_camera();
   if (tick.has_lens()) lens_ = tick.lens();
+  if (tick.has_shot()) shot_ = tick.shot();
   if (tick.has_limits()) merge(tick.limits(), limits_);
   // A preset resets settings and tuning. UNSPECIFIED enums and absent fields keep the former values, as merging does.
   if (tick.settings().preset() != v1::Settings::PRESET_UNSPECIFIED) settings_.reset(), tuning_.reset();
@@ -218,6 +219,7 @@ v1::Tick SessionSnapshot::tick() const {
   }
   add_targets(out);
   if (lens_) *out.mutable_lens() = *lens_;
+  if (shot_) *out.mutable_shot() = *shot_;
   if (settings_) *out.mutable_settings() = *settings_;
   if (tuning_) *out.mutable_tuning() = *tuning_;
   if (limits_) *out.mutable_limits() = *limits_;

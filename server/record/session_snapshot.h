@@ -123,6 +123,7 @@ class SessionSnapshot {
   std::map<uint64_t, Instance> instances_;  // sorted, as tick() lists them
   std::optional<v1::TargetList> targets_;
   std::optional<v1::Lens> lens_;
+  std::optional<v1::Shot> shot_;
   std::optional<v1::Settings> settings_;
   std::optional<tuning::v1alpha1::Tuning> tuning_;
   std::optional<v1::CameraLimits> limits_;

@@ -34,6 +34,8 @@ struct TrackedTarget {
   glm::dvec3 velocity_mps{0.0};  // world
   double weight = 1.0;           // as Target::weight
   bool required = true;          // as Target::required
+  // Where its aim point is wanted in the picture (halves of it, right and up of the middle). While some target has such a place, the others do not count for the aim.
+  std::optional<glm::dvec2> place = {};
   bool steered() const { return weight > 0; }
   bool has_body() const { return low_m + high_m > 0 || aside_m > 0; }
 };

@@ -27,6 +27,8 @@ const char* not_finite(const SessionAnswer& answer) {
   if (!std::isfinite(answer.lens.vertical_fov_rad)) return "the field of view";
   if (!is_finite(answer.target_from_camera) || !is_finite(answer.unrotated_from_camera)) return "the camera's pose as seen from a target";
   if (!std::isfinite(answer.step.view_s.value_or(0.0))) return "the time until the camera sees a target";
+  if (const auto& shot = answer.step.shot; shot && !(std::isfinite(shot->worth) && std::isfinite(shot->asked.distance_m) && std::isfinite(shot->now.distance_m)))
+    return "what is given up of the shot";
   for (const TargetSight& target : answer.step.targets)
     if (!is_finite(target)) return "what is seen of a target";
   return nullptr;

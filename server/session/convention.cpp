@@ -13,12 +13,13 @@ constexpr double kRadiansPerDegree = std::numbers::pi / 180;
 constexpr double kFarthestOriginM = 1e15;
 
 Convention preset(const glm::dmat3& canonical_from_client, double metres_per_unit,
-                  const glm::dvec3& camera_forward, const glm::dvec3& camera_up) {
+                  const glm::dvec3& camera_forward, const glm::dvec3& camera_up) {  // models face along the camera's forward axis
   Convention c;
   c.canonical_from_client = canonical_from_client;
   c.metres_per_unit = metres_per_unit;
   c.camera_forward = camera_forward;
   c.camera_up = camera_up;
+  c.model_front = camera_forward;
   return c;
 }
 
@@ -64,6 +65,7 @@ Convention gltf_convention() {
 Convention godot_convention() {
   Convention c;
   c.degrees = true;
+  c.model_front = {0, 0, -1};
   return c;
 }
 

@@ -260,6 +260,11 @@ void Session::commit(const TickInput& tick) {
   if (tick.lens) options_.lens = *tick.lens;
   if (tick.settings) options_.settings = *tick.settings;
   if (tick.limits) options_.limits = *tick.limits;
+  if (tick.shot) {
+    const uint64_t number = options_.shot.number + 1;
+    options_.shot = *tick.shot;
+    options_.shot.number = number;
+  }
   if (tick.targets || tick.settings || !tick.delta.empty()) take_extents();
   pending_dt_s_ = std::min(pending_dt_s_ + dt_s, kLongestStepS);
   if (tick.observed_camera) observe(*tick.observed_camera, dt_s);
@@ -312,7 +317,7 @@ TakeJob Session::begin_step(int quality_level) {
   if (quality_level_ > 0) degraded_ = degrade(options_.settings, quality_level_);
   const StepSettings& settings = quality_level_ > 0 ? degraded_ : options_.settings;
   const StepInput input{mirror_,       options_.targets, options_.limits, settings,     options_.lens,
-                        options_.seed, steps_,           pending_dt_s_,   extent_views_, part_extent_views_};
+                        options_.seed, steps_,           pending_dt_s_,   extent_views_, part_extent_views_, &options_.shot};
   const MapOrder order = stepper_.begin(input, clock_);
   take_start_ns_ = clock_();
   return {.sampler = sampler_.get(), .mirror = &mirror_, .requests = order.requests, .maps = order.maps, .taken = {}};

@@ -58,6 +58,7 @@ struct SessionOptions {
   Lens lens;
   CameraLimits limits;
   StepSettings settings;
+  AskedShot shot;  // number 0: the client sent none
   DiagnosticsWanted diagnostics;
   std::string label;
   ExtentCache* extents =
@@ -86,6 +87,7 @@ struct TickInput {
   std::optional<Lens> lens;
   std::optional<StepSettings> settings;
   std::optional<CameraLimits> limits;
+  std::optional<AskedShot> shot;  // replaces the former one as a whole; its number is set by the session
   int64_t arrival_ns = 0;  // by the stage clock, for the queue time only; 0: not known
 };
 

@@ -43,8 +43,25 @@ struct StateFields {
   }
   template <typename A, SameAs<WantedShot> T>
   static void each(A& archive, T& shot) {
-    auto& [is_set, target_set, offset, asked_offset, asked_viewpoint, asked_seen_s, viewpoint, in_line, line_end, line_closed_s, all_kept_s] = shot;
-    archive(is_set, target_set, offset, asked_offset, asked_viewpoint, asked_seen_s, viewpoint, in_line, line_end, line_closed_s, all_kept_s);
+    auto& [is_set, target_set, offset, asked_offset, frame, subjects, tolerance, place, up_yaw, cut_s, at_asked, asked_viewpoint, asked_seen_s, viewpoint, in_line, line_end,
+           line_closed_s, all_kept_s] = shot;
+    archive(is_set, target_set, offset, asked_offset, frame, subjects, tolerance, place, up_yaw, cut_s, at_asked, asked_viewpoint, asked_seen_s, viewpoint, in_line, line_end,
+            line_closed_s, all_kept_s);
+  }
+  template <typename A, SameAs<ShotFrameState> T>
+  static void each(A& archive, T& frame) {
+    auto& [number, yaw, age, from, to] = frame;
+    archive(number, yaw, age, from, to);
+  }
+  template <typename A, SameAs<PlaceInFrame> T>
+  static void each(A& archive, T& place) {
+    auto& [side, height, distance] = place;
+    archive(side, height, distance);
+  }
+  template <typename A, SameAs<AskedSight> T>
+  static void each(A& archive, T& sight) {
+    auto& [target, hidden, by] = sight;
+    archive(target, hidden, by);
   }
   template <typename A, SameAs<CutState> T>
   static void each(A& archive, T& cut) {
@@ -279,6 +296,7 @@ struct StateFields {
   struct Memory {
     Scene scene;
     std::vector<Target> targets;
+    uint64_t shot_number = 0;
     bool ticked = false;
     uint64_t sequence = 0, steps = 0;
     double time_s = 0.0;
@@ -287,8 +305,8 @@ struct StateFields {
   };
   template <typename A, SameAs<Memory> T>
   static void each(A& archive, T& memory) {
-    auto& [scene, targets, ticked, sequence, steps, time, derived_moving, former_ids, carried] = memory;
-    archive(scene, targets, ticked, sequence, steps, time, derived_moving, former_ids, carried);
+    auto& [scene, targets, shot_number, ticked, sequence, steps, time, derived_moving, former_ids, carried] = memory;
+    archive(scene, targets, shot_number, ticked, sequence, steps, time, derived_moving, former_ids, carried);
   }
 
   // --- the scene
@@ -435,7 +453,7 @@ uint64_t Session::memory_layout() {
 
 void Session::write_memory(std::string& out) const {
   FieldWriter<StateFields> write(out);
-  write(StateFields::scene_of(mirror_), options_.targets, ticked_, sequence_, steps_, time_s_, derived_moving_, former_ids_,
+  write(StateFields::scene_of(mirror_), options_.targets, options_.shot.number, ticked_, sequence_, steps_, time_s_, derived_moving_, former_ids_,
         stepper_.carried());
 }
 
@@ -450,6 +468,7 @@ Status Session::resume(uint64_t layout, std::string_view memory) {
   if (found.targets.size() > kMaxTargets) return unfit("is damaged");
   if (!StateFields::resume(mirror_, found.scene)) return unfit("is of another scene");
   options_.targets = std::move(found.targets);
+  options_.shot.number = found.shot_number;
   take_extents();
   ticked_ = found.ticked;
   sequence_ = found.sequence;

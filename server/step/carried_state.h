@@ -15,6 +15,7 @@
 #include "server/aggregate/temporal_volume.h"
 #include "server/base/camera.h"
 #include "server/base/inline_vector.h"
+#include "server/move/asked_shot.h"
 #include "server/move/far_way.h"
 #include "server/move/motion.h"
 #include "server/move/predict.h"
@@ -31,12 +32,34 @@ struct ZoomState {
   double lens_fov_rad = 0.0;      // of the input's lens at the last step
 };
 
+// The asked shot in its frame (move/asked_shot.h).
+struct ShotFrameState {
+  uint64_t number = 0;      // AskedShot::number
+  double yaw_rad = 0.0;     // of the frame
+  double age_s = 0.0;       // since the shot began
+  PlaceInFrame from, to;    // the blend leads from the one to the other
+};
+
+// What is seen of a target from the asked place, lately.
+struct AskedSight {
+  uint64_t target_id = 0;
+  double hidden = 0.0;  // share of it, [0, 1]
+  uint64_t by = 0;      // the instance that hid it last
+};
+
 // The shot that the camera tries to keep: its position relative to the weighted centre of one set of targets.
 struct WantedShot {
   bool is_set = false;             // false: the next step takes the shot from where the camera is
   uint64_t target_set = 0;         // hash over the ids of the steered targets to which the shot belongs
   glm::dvec3 offset_m{0.0};        // from the targets' centre to the camera, world axes
   glm::dvec3 asked_offset_m{0.0};  // the same for the client's shot, before any search for a better one
+  ShotFrameState frame;            // of the client's shot; it counts only if it has sent one
+  glm::dvec3 subjects_m{0.0};      // from the targets' centre to the middle of the shot's subjects, from which its side, height and size are measured
+  double tolerance = 1.0;          // AskedShot::tolerance
+  std::optional<glm::dvec2> place; // of the targets in the first picture, if they are to stay there
+  double up_yaw_rad = 0.0;         // yaw of the picture while the camera looks down from right above
+  double cut_s = 0.0;              // the camera may cut to the shot for this time
+  InlineVector<AskedSight, kMaxTargets> at_asked;
   size_t asked_viewpoint = 0;      // the viewpoint that is nearest to the client's shot
   double asked_seen_s = 0.0;       // hardly anything has been hidden there for this time
   std::optional<size_t> viewpoint; // the viewpoint that the search chose

@@ -8,7 +8,7 @@
 
 #include "server/move/body.h"
 #include "server/move/framing.h"
-#include "server/step/stages.h"
+#include "server/step/shot_in_force.h"
 
 namespace sightline {
 namespace {
@@ -32,8 +32,9 @@ uint32_t required_mask(const StepContext& step) {
   return mask;
 }
 
-bool is_due(const StepContext& step, const CutState& state, bool target_jumped) {
+bool is_due(const StepContext& step, const CutState& state, bool target_jumped, bool is_asked) {
   const double after_s = step.input.settings.move.cut_after_s;
+  if (is_asked) return step.move_s > 0 && step.targets.steered != 0;
   return after_s > 0 && step.move_s > 0 && required_mask(step) != 0 && state.since_s >= kLeastBetweenS &&
          (target_jumped || state.unseen_s >= after_s);
 }
@@ -179,12 +180,12 @@ void plan_cut(const SampleInput& in, const CarriedState& carried, bool target_ju
               SamplePlan& plan) {
   CutPlan& cut = plan.cut;
   cut.places.clear();
-  cut.due = is_due(in.step, carried.cut, target_jumped);
+  cut.due = is_due(in.step, carried.cut, target_jumped, in.shot.cut_s > 0);
   if (!cut.due) return;
   rank_places(in, carried.viewpoints, scratch);
   gather_round(in, scratch);
-  const size_t end = std::min(carried.cut.next_rank + kRanksAtOnce, scratch.ranked.size());
-  size_t rank = carried.cut.next_rank;
+  size_t rank = in.shot.cut_s == kCutWithinS ? 0 : carried.cut.next_rank;
+  const size_t end = std::min(rank + kRanksAtOnce, scratch.ranked.size());
   for (; rank < end && cut.places.size() < kCutPlaces; ++rank) {
     const size_t place = scratch.ranked[rank].place;
     const glm::dvec3 offset_m = offset_of(in, scratch, place);
@@ -204,9 +205,10 @@ const CutPlace* choose_cut(const MoveInput& in, const TakenMaps& taken, bool tar
                            MoveScratch& scratch, CutState& state) {
   const CutPlan& plan = in.plan.cut;
   if (!plan.due) return nullptr;
+  const bool is_asked = in.carried.shot.cut_s > 0;
   const double to_view_m = target_jumped ? glm::distance(in.step.camera.pose.position_m, in.desired_m)
                                          : way_m(in, decision, scratch);
-  if (to_view_m <= in.step.input.settings.move.cut_beyond_m) return nullptr;
+  if (!is_asked && to_view_m <= in.step.input.settings.move.cut_beyond_m) return nullptr;
   const uint32_t required = required_mask(in.step);
   const CutPlace* best = nullptr;
   double most_seen = 0;
@@ -228,7 +230,7 @@ void cut_to(const MoveInput& in, const TakenMaps& taken, const CutPlace& place, 
   const FramingSettings& framing = step.input.settings.framing;
   const glm::dvec3 to_center_m = step.center_m() - place.position_m;
   const ViewAngles at_center = angles_from_rotation(look_rotation(to_center_m, {0, 1, 0}, {1, 0, 0}));
-  const Aim aim = aim_at(place.position_m, step.targets.tracked_targets, at_center, step.lens, framing);
+  const Aim aim = aim_at(place.position_m, step.targets.tracked_targets, at_center, step.lens, framing, yaw_from_above(step, shot, place.position_m));
   decision = {};
   decision.cut = true;
   const bool sees_all = (seen_from(step, taken, place) & step.targets.steered) == step.targets.steered;
@@ -238,6 +240,7 @@ void cut_to(const MoveInput& in, const TakenMaps& taken, const CutPlace& place, 
   decision.camera.pose = {place.position_m, rotation_from_angles(aim.angles)};
   decision.camera.velocity_mps = first_velocity_mps(in, decision.camera.pose, scratch.trail_colliders);
   decision.vertical_fov_rad = zooms(framing) ? aim.vertical_fov_rad : in.carried.zoom.vertical_fov_rad;
+  shot.cut_s = 0.0;
   shot.offset_m = place.viewpoint ? -to_center_m : shot.offset_m;
   if (in.plan.look.searches && place.viewpoint) shot.viewpoint = place.viewpoint;
 }

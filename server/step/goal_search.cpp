@@ -89,7 +89,7 @@ class PlanPricer {
     const double kept_share = in.step.input.settings.move.viewpoint_search.keep_shot_below;
     const MoveSettings& settings = in.step.input.settings.move;
     shot_ = weights_.occlusion * settings.keep_shot;
-    const glm::dvec3 asked_m = framed_offset_m(in.step, in.carried.shot.in_line_m.value_or(in.carried.shot.asked_offset_m));
+    const glm::dvec3 asked_m = framed_offset_m(in.step, in.carried.shot.in_line_m.value_or(in.carried.shot.asked_offset_m)) - in.carried.shot.subjects_m;
     if (settings.follow == Follow::kOffset && shot_ > 0 && glm::length(asked_m) > kHereM) asked_m_ = asked_m;
     if (targets_stand(in.step)) tolerance_ = std::max(tolerance_, picture_loss(kept_share, count_));
   }
@@ -110,8 +110,8 @@ class PlanPricer {
       planner_.blur(slice, weights_.surroundings);
       planner_.add_distances(slice, in_.desired_m + group_mps_ * ahead_.ahead_s(slice), distance_, outside_);
       if (!asked_m_) continue;
-      const glm::dvec3 center_m = in_.step.center_m() + group_mps_ * ahead_.ahead_s(slice);
-      planner_.add_shot_losses(slice, center_m, *asked_m_, in_.step.input.settings.move.shot, shot_);
+      const glm::dvec3 center_m = in_.step.center_m() + in_.carried.shot.subjects_m + group_mps_ * ahead_.ahead_s(slice);
+      planner_.add_shot_losses(slice, center_m, *asked_m_, in_.step.input.settings.move.shot, shot_, in_.carried.shot.tolerance);
     }
   }
 
@@ -164,7 +164,7 @@ class PlanPricer {
   const double count_;  // of targets, see effective_count
   bool guesses_ahead_ = false;  // false behind a fast target, see guessed_share
   double occlusion_ = 0, tolerance_ = 0, distance_ = 0;
-  // The offset from the targets' centre to the camera that pictures are compared with. Empty: they are not.
+  // The offset from the subjects' middle to the camera that pictures are compared with. Empty: they are not.
   std::optional<glm::dvec3> asked_m_;
   double shot_ = 0;
 };

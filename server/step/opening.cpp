@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
-#include "server/base/hash.h"
 #include "server/move/framing.h"
 #include "server/step/far_apart.h"
+#include "server/step/shot_in_force.h"
 
 namespace sightline {
 namespace {
@@ -19,26 +19,6 @@ ZoomState zoom_of(const StepInput& input, const ZoomState& before) {
   if (before.vertical_fov_rad == 0.0 || (lens_changed && !zooms(framing))) zoom.vertical_fov_rad = lens_rad;
   zoom.lens_fov_rad = lens_rad;
   return zoom;
-}
-
-bool keeps_shot(const TargetsNow& targets, const WantedShot& before) {
-  return before.is_set && before.target_set == hash_of(targets, targets.weighted);
-}
-
-// The first targets, and the first ones after a cut, define the shot by where the camera is then. It outlives them: targets that join,
-// leave or take turns are shown from the same side, height and distance. What was found out about them starts again. A target that is
-// given up still belongs to the set.
-WantedShot shot_of(const TargetsNow& targets, const glm::dvec3& camera_m, const WantedShot& before) {
-  if (targets.steered == 0 || keeps_shot(targets, before)) return before;
-  WantedShot shot = before;
-  if (!before.is_set) shot.asked_offset_m = camera_m - weighted_center_m(targets.tracked_targets);
-  shot.offset_m = shot.asked_offset_m;
-  shot.viewpoint.reset();
-  shot.asked_seen_s = 0.0;
-  shot.in_line_m.reset(), shot.line_closed_s = shot.all_kept_s = 0.0;
-  shot.target_set = hash_of(targets, targets.weighted);
-  shot.is_set = true;
-  return shot;
 }
 
 // A target that moves more than this far, and faster than this, has jumped.
@@ -66,7 +46,8 @@ void open_step(const StepInput& input, const CarriedState& carried, TargetsNow& 
   observe_targets(input, carried.pasts, opening.pasts);
   opening.move_s = std::min(input.dt_s, kMaxStepS);
   opening.zoom = zoom_of(input, carried.zoom);
-  opening.shot = shot_of(targets, carried.camera.pose.position_m, carried.shot);
+  opening.shot = shot_in_force(input, targets, carried);
+  place_in_picture(input, opening.shot, targets);
 }
 
 }  // namespace sightline

@@ -20,6 +20,8 @@ void open_step(const StepInput& input, const CarriedState& carried, TargetsNow& 
 
 // Lists the targets of this step with their present poses, all those with a weight as steered.
 void look_at_targets(const StepInput& input, TargetsNow& now);
+// An instance as if it were a target.
+TrackedTarget view_of_instance(const StepInput& input, uint64_t id);
 // Sets the weights of seeing each target.
 void set_sight_weights(TargetsNow& now);
 // Copies the pasts of the targets and adds this step's poses; `before` does not change.

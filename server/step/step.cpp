@@ -6,6 +6,7 @@
 #include "server/step/far_apart.h"
 #include "server/step/opening.h"
 #include "server/step/report.h"
+#include "server/step/shot_in_force.h"
 #include "server/step/stages.h"
 
 namespace sightline {
@@ -28,6 +29,13 @@ class StageTimer {
 // Extra distance that the bound keeps from the targets' centre, beyond the camera's least distance. Nearer, one map
 // could no longer show the whole bound.
 constexpr double kBoundFromTargetsM = 0.5;
+
+// The lens of the returned picture.
+Lens picture_lens(const StepContext& step, const StepResult& result) {
+  Lens lens = step.input.lens;
+  lens.vertical_fov_rad = result.vertical_fov_rad;
+  return lens;
+}
 
 // The carried horizon, clamped to the present settings.
 double horizon_s(const CarriedState& carried, const BoundSettings& settings) {
@@ -132,6 +140,7 @@ StepResult Stepper::finish(const StageClock& clock) {
     const StageTimer timer = work.time(clock, Stage::kAggregate);
     const WantedShot before = carried_.shot;
     search_viewpoints(step, taken, carried_.viewpoints, carried_.shot);
+    watch_asked_place(step, taken, carried_.shot);
     line_up_shot(step, carried_.viewpoints, carried_.shot);
     dump_.new_shot = carried_.shot.other_viewpoint() != before.other_viewpoint() || carried_.shot.in_line_m.has_value() != before.in_line_m.has_value();
     if (step.targets.steered != 0) desired_m = desired_position_m(step, carried_.shot);
@@ -145,6 +154,7 @@ StepResult Stepper::finish(const StageClock& clock) {
     const CutPlace* place =
         choose_cut(in, taken, work.opening.target_jumped, dump_.decision, work.move, carried_.cut);
     if (place) cut_to(in, taken, *place, work.move, carried_.shot, dump_.decision), begin_at_cut(*place);
+    carried_.shot.cut_s = std::max(0.0, carried_.shot.cut_s - step.move_s);
   }
   carried_.camera = dump_.decision.camera;
   carried_.path.pass(carried_.camera.pose, step.move_s);
@@ -162,6 +172,8 @@ StepResult Stepper::finish(const StageClock& clock) {
     if (std::ranges::find(carried_.not_aimed_at, id) == carried_.not_aimed_at.end()) carried_.not_aimed_at.push_back(id);
 
   StepResult result = report_step({*work.input, dump_, taken, carried_.pasts, carried_.given_up}, carried_.shares);
+  if (step.targets.steered != 0 && work.input->settings.move.follow == Follow::kOffset)
+    result.shot = report_shot(step, carried_.shot, result.camera, picture_lens(step, result), {result.targets.begin(), result.targets.size()});
   note_sights(step, result, work.opening.target_jumped, carried_.cut);
   result.stage_ns = work.stage_ns;
   return result;

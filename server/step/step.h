@@ -21,8 +21,10 @@
 #include "server/base/error.h"
 #include "server/base/inline_vector.h"
 #include "server/bound/bound.h"
+#include "server/move/asked_shot.h"
 #include "server/move/choose.h"
 #include "server/move/framing.h"
+#include "server/move/picture_worth.h"
 #include "server/sample/extent.h"
 #include "server/sample/plan.h"
 #include "server/sample/sampler.h"
@@ -50,6 +52,7 @@ struct StepInput {
   // The sample tables of the parts' shapes: those of the first target, in the order of its part_ids, then those of the second, and so
   // on. The entry of a part that the scene does not hold is null. If the list is empty, no part is sampled.
   std::span<const ExtentTable* const> part_extents = {};
+  const AskedShot* shot = nullptr;  // the client's shot; null: it has sent none
 };
 
 // Measures the stages: returns nanoseconds, monotonic. Passed in, so that tests and replays need no clock.
@@ -90,6 +93,19 @@ struct TargetSight {
   uint64_t main_occluder_id() const { return occlusions.empty() ? 0 : occlusions[0].id; }
 };
 
+enum class ShotLimit { kMinDistance, kMaxDistance, kMinElevation, kMaxElevation, kPicture };
+
+// The shot in force, and what of it the returned pose gives up (contract: ShotReport).
+struct ShotReport {
+  PlaceInFrame asked, now;
+  ShotDeviation deviation;       // each at most 1
+  double off_place = 0.0;        // half pictures; infinite with a target behind the camera
+  double sight_loss = 0.0, worth = 0.0;
+  uint32_t limits = 0;           // bit i: ShotLimit i is broken at the place of the shot
+  double hidden_share = 0.0;     // of the targets from the place of the shot, lately
+  uint64_t hidden_by = 0, hidden_target = 0;
+};
+
 struct StepFlags {
   bool dt_capped = false;      // dt was over kMaxStepS: the camera moved for kMaxStepS
   bool used_cube_map = false;  // cube faces were taken for some target
@@ -116,6 +132,7 @@ struct StepResult {
   bool pair_needs_lattice = false;  // the strategy or the filter needs candidates that keep their places
   PairGap pair_gap = PairGap::kNone;
   InlineVector<TargetSight, kMaxTargets> targets;  // in the order of the input
+  std::optional<ShotReport> shot;  // empty: no target is steered, or no shot is kept
   int chosen_candidate = -1;
   bool cut = false;  // the camera jumped (MoveReason::kCut)
   StepFlags flags;

@@ -93,6 +93,13 @@ void look_at_targets(const StepInput& input, TargetsNow& now) {
   now.steered = now.weighted;
 }
 
+TrackedTarget view_of_instance(const StepInput& input, uint64_t id) {
+  const TargetPiece own{*input.scene.slot_of(id), nullptr};
+  Target target;
+  target.instance_id = id;
+  return view_of(input, target, std::span(&own, 1));
+}
+
 void set_sight_weights(TargetsNow& now) {
   now.sight_weights.clear();
   const double optional = optional_share(now.tracked_targets);

@@ -17,6 +17,8 @@ constexpr double kStillRadps = 0.01;
 constexpr double kLeastAdvance = 0.1;
 // A camera that wants to move more slowly than this is not stopped by anything, metres per second.
 constexpr double kLeastSpeedMps = 0.01;
+// A target with less of its image in the picture does not count as seen.
+constexpr double kLeastInPicture = 0.5;
 // How far ahead a stopped camera looks for what stops it, metres.
 constexpr double kLookM = 1.0;
 
@@ -68,7 +70,7 @@ class StatusFinder {
   }
   bool sees(const TargetSight& sight) const {
     const double threshold = step_.taken.settings.visibility_threshold - 1e-9;
-    return sight.in_picture && sight.filtered_share > 0 && sight.filtered_share >= threshold;
+    return sight.in_picture && sight.picture_share >= kLeastInPicture && sight.filtered_share > 0 && sight.filtered_share >= threshold;
   }
   static bool glimpses(const TargetSight& sight) { return sight.picture_share > 0 && sight.filtered_share > 0; }
 

@@ -59,7 +59,7 @@ void choose_viewpoint(const StepContext& step, const ViewpointMap& viewpoints, W
   if (!stand) settings.viewpoint_search.keep_shot_below = 0;
   const glm::dvec3 center_m = step.center_m(), present_m = step.camera.pose.position_m - center_m;
   if (glm::length(present_m) < 1e-6 || glm::length(shot.asked_offset_m) < 1e-6) return;
-  ShotWish wish{.asked_m = framed_offset_m(step, shot.asked_offset_m), .present_m = present_m};
+  ShotWish wish{.asked_m = framed_offset_m(step, shot.asked_offset_m), .present_m = present_m, .subjects_m = shot.subjects_m, .tolerance = shot.tolerance};
   const auto allowed = [&](const glm::dvec3& offset_m) {
     return within_limits(center_m + offset_m, step.targets.tracked_targets, settings) && shows_group(step, offset_m);
   };

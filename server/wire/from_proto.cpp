@@ -6,6 +6,7 @@
 
 #include "server/step/quality_level.h"
 #include "server/wire/from_proto_scene.h"
+#include "server/wire/from_proto_shot.h"
 #include "server/wire/from_proto_values.h"
 #include "server/wire/suspect_sizes.h"
 
@@ -70,7 +71,12 @@ Status read_open(const v1::OpenSession& open, const SceneSource& source, Session
   read_limits(open.limits(), out.limits);
   if (Status ok = read_targets(open.targets(), out.convention, "open.targets", out.targets); !ok) return ok;
   if (Status ok = read_instances(open, source, out, warnings); !ok) return ok;
+  if (open.has_shot()) {
+    if (Status ok = read_shot(open.shot(), out.convention, "open.shot", out.shot); !ok) return ok;
+    out.shot.number = 1;
+  }
   for (std::string& warning : suspect_sizes(out)) warnings.push_back(std::move(warning));
+  for (std::string& warning : shot_warnings(out, "open.shot")) warnings.push_back(std::move(warning));
   out.seed = open.seed();
   out.diagnostics = {open.diagnostics().candidates(), open.diagnostics().depth_maps()};
   out.label = open.label();
@@ -102,6 +108,8 @@ Status read_terms(const v1::Tick& tick, const Session& session, TickInput& out) 
   if (tick.has_lens())
     if (Status ok = read_lens(tick.lens(), session.convention(), "tick.lens", out.lens.emplace()); !ok)
       return ok;
+  if (tick.has_shot())
+    if (Status ok = read_shot(tick.shot(), session.convention(), "tick.shot", out.shot.emplace()); !ok) return ok;
   if (tick.has_limits()) read_limits(tick.limits(), out.limits.emplace(session.limits()));
   if (!tick.has_settings() && !tick.has_tuning()) return {};
   return read_settings(tick.settings(), tick.tuning(), "tick.", out.settings.emplace(session.settings()));

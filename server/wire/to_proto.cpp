@@ -1,5 +1,9 @@
 #include "server/wire/to_proto.h"
 
+#include <algorithm>
+#include <iterator>
+#include <string>
+
 #include "server/wire/error_to_proto.h"
 
 namespace sightline {
@@ -138,6 +142,38 @@ void set(const StepFlags& flags, v1::StepFlags& out) {
   out.set_elevation_given_up(flags.elevation_given_up);
 }
 
+void set(double asked, double now, double deviation, v1::ShotTerm& out) {
+  out.set_asked(asked), out.set_now(now), out.set_deviation(deviation);
+}
+
+void set(const ShotReport& report, double metres_per_unit, v1::ShotReport& out) {
+  // A client sees the place that is farthest off; behind the camera, no number says how far.
+  constexpr double kFarOff = 1e3;
+  set(report.asked.side_rad, report.now.side_rad, report.deviation.side, *out.mutable_side());
+  set(report.asked.height_rad, report.now.height_rad, report.deviation.height, *out.mutable_height());
+  set(report.asked.distance_m / metres_per_unit, report.now.distance_m / metres_per_unit, report.deviation.size, *out.mutable_distance());
+  set(0.0, std::min(report.off_place, kFarOff), report.deviation.place, *out.mutable_place());
+  out.set_sight_loss(report.sight_loss);
+  out.set_worth(report.worth);
+  constexpr v1::ShotLimit kLimits[] = {v1::SHOT_LIMIT_MIN_DISTANCE, v1::SHOT_LIMIT_MAX_DISTANCE, v1::SHOT_LIMIT_MIN_ELEVATION, v1::SHOT_LIMIT_MAX_ELEVATION,
+                                       v1::SHOT_LIMIT_PICTURE};
+  for (size_t i = 0; i < std::size(kLimits); ++i)
+    if (report.limits >> i & 1u) out.add_limits(kLimits[i]);
+  out.set_hidden_share(report.hidden_share);
+  out.set_hidden_by(report.hidden_by);
+  out.set_hidden_target(report.hidden_target);
+}
+
+// The reason, and what keeps the camera from its shot if something is known to.
+std::string reason_text(const StepResult& step) {
+  std::string text(explain(step.reason));
+  if (!step.shot || step.shot->hidden_by == 0) return text;
+  const ShotDeviation& gives_up = step.shot->deviation;
+  if (gives_up.side + gives_up.height + gives_up.size <= 0) return text;
+  return text + "; instance " + std::to_string(step.shot->hidden_by) + " hides target " + std::to_string(step.shot->hidden_target) +
+         " from the place of the shot";
+}
+
 void set(int level, const StepSettings& used, v1::Degradation& out) {
   out.set_quality_level(static_cast<uint32_t>(level));
   out.set_map_resolution(static_cast<uint32_t>(used.sample.resolution));
@@ -256,8 +292,7 @@ void camera_reply_to_proto(const SessionAnswer& answer, const Session& session,
   if (step.view_s) out.set_view_s(*step.view_s);
   out.set_blocked_by(step.blocked_by);
   out.set_reason(to_proto(step.reason));
-  const std::string_view text = explain(step.reason);
-  out.set_reason_text(text.data(), text.size());
+  out.set_reason_text(reason_text(step));
   out.set_cut(answer.cut);
   out.set_volume_used(step.volume == Volume::kPair ? v1::VOLUME_USED_PAIR : v1::VOLUME_USED_LATTICE);
   out.set_pair_fallback(pair_fallback(step));
@@ -270,6 +305,7 @@ void camera_reply_to_proto(const SessionAnswer& answer, const Session& session,
   out.set_mirror_revision(answer.revision);
   out.set_mirror_hash(answer.hash);
   set_times(answer, *out.mutable_stage_times());
+  if (step.shot) set(*step.shot, c.metres_per_unit, *out.mutable_shot());
   if (wanted.candidates)
     set_candidates(session.dump().sights.candidates, step.chosen_candidate, c, *out.mutable_candidates());
   if (wanted.depth_maps) add_depth_maps(session, out);

@@ -25,6 +25,7 @@ COMMANDS = {
     "replay": ("FILE",),
     "compare": ("FILE", "FILE"),
     "report": ("FILE",),
+    "shots": (),
     "status": (),
     "top": (),
 }

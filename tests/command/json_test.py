@@ -93,6 +93,16 @@ class Json(unittest.TestCase):
         self.value("scene", self.scene, "--json")
         self.assertEqual(run(SIGHTLINE, "drive", self.scene, "--server", "127.0.0.1:1", "--out", self.new("none"), "--json").returncode, NO)
 
+    def test_of_shots(self):
+        listed = {shot["name"]: shot["tick"] for shot in self.value("shots", "--json")["shots"]}
+        self.assertIn("chase", listed)
+        chase = self.value("shots", "chase", "--subject", "7", "--json")
+        self.assertEqual(chase["shot"]["subjectIds"], ["7"])
+        self.assertEqual(run(SIGHTLINE, "shots", "chase", "--json").returncode, NO)
+        told = self.value("drive", self.scene, "--server", self.address, "--duration", "1", "--fast", "--truth-every", "20", "--shot", "two-shot", "--out",
+                          self.new("out"), "--json")
+        self.assertEqual(told["warnings"], [])
+
     def test_of_evaluate(self):
         told = self.value("evaluate", "--scene", self.scene, "--policy", "follow", "--policy", "sightline", "--seeds", "2", "--duration", "0.5", "--out",
                           self.new("out"), "--json")

@@ -151,6 +151,26 @@ TEST(CameraSnapshotTest, LaterTermsReplaceOrJoinFormerOnes) {
   EXPECT_EQ(tick.lens().near_m(), 0.2);
 }
 
+TEST(CameraSnapshotTest, TheShotGoesOnFromWhereItIsNow) {
+  CameraSnapshot known = snapshot();
+  v1::CameraReply reply = reply_at(5);
+  reply.mutable_shot()->mutable_side()->set_asked(0.5), reply.mutable_shot()->mutable_height()->set_asked(0.2);
+  reply.mutable_shot()->mutable_distance()->set_asked(7), reply.mutable_shot()->mutable_distance()->set_now(3);
+  known.take_reply(reply);
+  v1::Shot first = known.opening().shot();
+  EXPECT_EQ(first.side_rad(), 0.5) << "the shot of the first pose, not the present pose";
+  EXPECT_EQ(first.distance(), 7.0);
+  v1::Tick tick;
+  tick.mutable_shot()->set_frame(v1::Shot::FRAME_HEADING), tick.mutable_shot()->set_size(0.4), tick.mutable_shot()->set_cut(true);
+  known.apply(tick), known.take_reply(reply);
+  const v1::Shot chase = known.opening().shot();
+  EXPECT_EQ(chase.frame(), v1::Shot::FRAME_HEADING);
+  EXPECT_EQ(chase.size(), 0.4);
+  EXPECT_EQ(chase.height_rad(), 0.2);
+  EXPECT_FALSE(chase.cut()) << "it has been there";
+  EXPECT_FALSE(known.ticks(1)[0].has_shot());
+}
+
 TEST(CameraSnapshotTest, APresetResetsTheSettingsBeforeIt) {
   CameraSnapshot known = snapshot();
   v1::Tick first, preset;

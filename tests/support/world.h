@@ -69,7 +69,7 @@ class World {
         part_extents.push_back(part ? table_of(*part) : nullptr);
       }
     }
-    const StepInput input{mirror, targets, limits, settings, lens, seed, tick++, dt_s, extents, part_extents};
+    const StepInput input{mirror, targets, limits, settings, lens, seed, tick++, dt_s, extents, part_extents, &shot};
     auto result = stepper.take(input, *sampler_, [] { return int64_t{0}; });
     if (!result) throw std::runtime_error(to_string(result.error()));
     return *result;
@@ -84,6 +84,7 @@ class World {
   CameraLimits limits;
   StepSettings settings = plain_settings();
   Lens lens;
+  AskedShot shot;
   uint64_t seed = 1, tick = 0;
   Stepper stepper;
 

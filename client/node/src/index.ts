@@ -11,4 +11,5 @@ export * from "./gen/sightline/v1/errors_pb.js";
 export * from "./gen/sightline/v1/scene_pb.js";
 export * from "./gen/sightline/v1/session_pb.js";
 export * from "./gen/sightline/v1/settings_pb.js";
+export * from "./gen/sightline/v1/shot_pb.js";
 export * from "./gen/sightline/tuning/v1alpha1/tuning_pb.js";

@@ -9,6 +9,7 @@ import {
   ObservedCameraSchema, OpenSessionSchema, StepControlSchema, TickSchema, type CameraReply, type ObservedCamera, type OpenSession, type Tick,
 } from "./gen/sightline/v1/session_pb.js";
 import {CameraLimitsSchema, Settings_Preset, SettingsSchema} from "./gen/sightline/v1/settings_pb.js";
+import {ShotSchema, type Shot, type ShotReport} from "./gen/sightline/v1/shot_pb.js";
 import {TuningSchema} from "./gen/sightline/tuning/v1alpha1/tuning_pb.js";
 
 // The changes that ticks made to one instance.
@@ -23,12 +24,14 @@ interface Change {
 // Follows the ticks that a daemon has applied. A session that is opened with opening() and gets ticks() has the same scene, targets,
 // settings, limits, lens and clock as one that got every tick, and its camera is where the newest reply had it.
 //
-// The camera's memory is lost: the things that it had seen before, and the shot that it kept. Its last pose is its new shot.
+// The shot goes on. The camera's memory of the things that it had seen before is lost.
 export class Snapshot {
   private readonly changes = new Map<bigint, Change>(); // in the order of the first change
   private readonly terms = create(TickSchema); // targets, lens, settings, limits and tuning that replace those of the opening
   private timeS = 0;
   private camera?: ObservedCamera;
+  private kept?: ShotReport; // of the newest reply
+  private shot?: Shot; // of the newest tick that had one
 
   constructor(private readonly first: OpenSession) {}
 
@@ -40,15 +43,30 @@ export class Snapshot {
     this.timeS = tick.timeS;
   }
 
-  takeReply({pose, velocity, angularVelocity}: CameraReply): void {
+  takeReply({pose, velocity, angularVelocity, shot}: CameraReply): void {
     this.camera = create(ObservedCameraSchema, {pose, velocity, angularVelocity});
+    this.kept = shot;
   }
 
   // The first message of the session that goes on: as at first, but with the camera where it is now.
   opening(): OpenSession {
     const request = clone(OpenSessionSchema, this.first);
-    if (this.camera) request.camera = this.camera.pose;
+    request.shot = this.shot ?? request.shot;
+    if (this.camera) request.camera = this.camera.pose, this.goOnWithShot(request);
     return request;
+  }
+
+  // The shot as it was asked for last, from where it is now.
+  private goOnWithShot(request: OpenSession): void {
+    const {side, height, distance} = this.kept ?? {};
+    if (!side || !height || !distance || distance.asked <= 0) return;
+    const shot = request.shot ? clone(ShotSchema, request.shot) : create(ShotSchema);
+    shot.cut = false;
+    shot.blendS = 0;
+    shot.sideRad = side.asked;
+    shot.heightRad = height.asked;
+    if (shot.far.case !== 'size') shot.far = {case: 'distance', value: distance.asked};
+    request.shot = shot;
   }
 
   // The ticks that follow the opening; they get no replies of their own. nextSequence: of the tick after them. Empty before the first
@@ -111,6 +129,7 @@ export class Snapshot {
     const terms = this.terms;
     terms.targets = tick.targets ?? terms.targets;
     terms.lens = tick.lens ?? terms.lens;
+    this.shot = tick.shot ?? this.shot;
     // A preset resets the settings and the tuning.
     if (tick.settings && tick.settings.preset !== Settings_Preset.UNSPECIFIED) terms.settings = terms.tuning = undefined;
     terms.settings = merged(SettingsSchema, terms.settings, tick.settings);

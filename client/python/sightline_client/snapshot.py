@@ -7,6 +7,7 @@ from typing import Dict, List, Optional, Tuple
 from sightline.v1.errors_pb2 import TickError
 from sightline.v1.scene_pb2 import Attributes, NewInstance, SceneDelta, Transforms
 from sightline.v1.session_pb2 import CameraReply, ObservedCamera, OpenSession, StepControl, Tick
+from sightline.v1.shot_pb2 import ShotReport
 
 
 @dataclass
@@ -23,7 +24,7 @@ class Snapshot:
     """Follows the ticks that a daemon has applied. A session that is opened with opening() and gets ticks() has the same scene, targets,
     settings, limits, lens and clock as one that got every tick, and its camera is where the newest reply had it.
 
-    The camera's memory is lost: the things that it had seen before, and the shot that it kept. Its last pose is its new shot.
+    The shot goes on. The camera's memory of the things that it had seen before is lost.
     """
 
     def __init__(self, opening: OpenSession) -> None:
@@ -33,6 +34,7 @@ class Snapshot:
         self._terms = Tick()  # targets, lens, settings, limits and tuning that replace those of the opening
         self._time_s = 0.0
         self._camera: Optional[ObservedCamera] = None
+        self._kept: Optional[ShotReport] = None  # of the newest reply
 
     def apply(self, tick: Tick) -> None:
         """Takes a tick that the daemon has applied."""
@@ -51,6 +53,7 @@ class Snapshot:
 
     def take_reply(self, reply: CameraReply) -> None:
         self._camera = ObservedCamera(pose=reply.pose, velocity=reply.velocity, angular_velocity=reply.angular_velocity)
+        self._kept = reply.shot if reply.HasField("shot") else None
 
     def opening(self) -> OpenSession:
         """The first message of the session that goes on: as at first, but with the camera where it is now."""
@@ -58,7 +61,19 @@ class Snapshot:
         request.CopyFrom(self._opening)
         if self._camera is not None:
             request.camera.CopyFrom(self._camera.pose)
+            self._go_on_with_shot(request)
         return request
+
+    def _go_on_with_shot(self, request: OpenSession) -> None:
+        """The shot as it was asked for last, from where it is now."""
+        if self._kept is None or self._kept.distance.asked <= 0:
+            return
+        shot = request.shot
+        shot.ClearField("cut")
+        shot.ClearField("blend_s")
+        shot.side_rad, shot.height_rad = self._kept.side.asked, self._kept.height.asked
+        if not shot.HasField("size"):
+            shot.distance = self._kept.distance.asked
 
     def ticks(self, next_sequence: int) -> List[Tick]:
         """The ticks that follow the opening; they get no replies of their own. next_sequence: of the tick after them. Empty before the
@@ -100,6 +115,8 @@ class Snapshot:
             terms.targets.CopyFrom(tick.targets)
         if tick.HasField("lens"):
             terms.lens.CopyFrom(tick.lens)
+        if tick.HasField("shot"):
+            self._opening.shot.CopyFrom(tick.shot)
         if tick.HasField("limits"):
             terms.limits.MergeFrom(tick.limits)
         if tick.settings.preset:  # resets the settings and the tuning

@@ -4,8 +4,8 @@ use std::collections::HashMap;
 use prost::Message;
 
 use crate::v1::{
-    settings::Preset, tick_error, AttributeChange, Attributes, CameraReply, NewInstance, ObservedCamera, OpenSession, SceneDelta, StepControl, Tick,
-    TickError, Transforms,
+    settings::Preset, shot::Far, tick_error, AttributeChange, Attributes, CameraReply, NewInstance, ObservedCamera, OpenSession, SceneDelta, Shot,
+    ShotReport, StepControl, Tick, TickError, Transforms,
 };
 
 /// The changes that ticks made to one instance.
@@ -21,7 +21,7 @@ struct Change {
 /// Follows the ticks that a daemon has applied. A session that is opened with `opening` and gets `ticks` has the same scene, targets,
 /// settings, limits, lens and clock as one that got every tick, and its camera is where the newest reply had it.
 ///
-/// The camera's memory is lost: the things that it had seen before, and the shot that it kept. Its last pose is its new shot.
+/// The shot goes on. The camera's memory of the things that it had seen before is lost.
 pub(crate) struct Snapshot {
     first: OpenSession,
     changes: HashMap<u64, Change>,
@@ -29,11 +29,12 @@ pub(crate) struct Snapshot {
     terms: Tick,     // targets, lens, settings, limits and tuning that replace those of the opening
     time_s: f64,
     camera: Option<ObservedCamera>,
+    kept: Option<ShotReport>, // of the newest reply
 }
 
 impl Snapshot {
     pub fn new(first: OpenSession) -> Self {
-        Snapshot { first, changes: HashMap::new(), order: Vec::new(), terms: Tick::default(), time_s: 0.0, camera: None }
+        Snapshot { first, changes: HashMap::new(), order: Vec::new(), terms: Tick::default(), time_s: 0.0, camera: None, kept: None }
     }
 
     /// Takes a tick that the daemon has applied.
@@ -55,6 +56,7 @@ impl Snapshot {
             angular_velocity: reply.angular_velocity,
             cut: false,
         });
+        self.kept = reply.shot.clone();
     }
 
     /// The first message of the session that goes on: as at first, but with the camera where it is now.
@@ -62,8 +64,25 @@ impl Snapshot {
         let mut request = self.first.clone();
         if let Some(camera) = &self.camera {
             request.camera = camera.pose;
+            self.go_on_with_shot(&mut request);
         }
         request
+    }
+
+    /// The shot as it was asked for last, from where it is now.
+    fn go_on_with_shot(&self, request: &mut OpenSession) {
+        let Some(ShotReport { side: Some(side), height: Some(height), distance: Some(distance), .. }) = &self.kept else {
+            return;
+        };
+        if distance.asked <= 0.0 {
+            return;
+        }
+        let shot = request.shot.get_or_insert_with(Shot::default);
+        (shot.cut, shot.blend_s) = (false, 0.0);
+        (shot.side_rad, shot.height_rad) = (Some(side.asked), Some(height.asked));
+        if !matches!(shot.far, Some(Far::Size(_))) {
+            shot.far = Some(Far::Distance(distance.asked));
+        }
     }
 
     /// The ticks that follow the opening; they get no replies of their own. `next_sequence` is that of the tick after them. There are none
@@ -144,6 +163,9 @@ impl Snapshot {
         }
         if tick.lens.is_some() {
             terms.lens = tick.lens;
+        }
+        if tick.shot.is_some() {
+            self.first.shot = tick.shot.clone();
         }
         // A preset resets the settings and the tuning.
         if tick.settings.as_ref().is_some_and(|settings| settings.preset != Preset::Unspecified as i32) {

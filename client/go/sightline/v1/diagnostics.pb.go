@@ -89,8 +89,8 @@ func (TargetState) EnumDescriptor() ([]byte, []int) {
 
 // The targets that the camera sees from the returned pose, and what it does if it sees none.
 //
-// A target is *seen* if its aim point lies in the picture and its filtered_share is at least Tuning.aggregate.visibility_threshold
-// (0.75 by default). The *required* targets are those with a weight that are required, or if there are none, all that have a weight.
+// A target is *seen* if its aim point and at least half of its image (picture_share) lie in the picture, and its filtered_share is at least
+// Tuning.aggregate.visibility_threshold (0.75 by default). The *required* targets are those with a weight that are required, or if there are none, all that have a weight.
 // Only targets with a weight count.
 type TrackingStatus int32
 
@@ -200,7 +200,7 @@ const (
 	MoveReason_MOVE_REASON_BEST_ALL_VISIBLE MoveReason = 10
 	// No target is seen from any candidate: it goes the way that the targets went.
 	MoveReason_MOVE_REASON_ON_TRAIL MoveReason = 11
-	// It jumped to a place that sees the targets, since Settings.cut_after_s allows it.
+	// It jumped to a place that sees the targets, since Settings.cut_after_s allows it or Shot.cut asked for it.
 	MoveReason_MOVE_REASON_CUT MoveReason = 12
 	// Targets have been hidden for half a second, or are expected to be. It goes to a viewpoint farther away that sees more of them, although
 	// it may see less on its way.

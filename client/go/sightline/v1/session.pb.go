@@ -147,9 +147,9 @@ type OpenSession struct {
 	Instances []*NewInstance `protobuf:"bytes,5,rep,name=instances,proto3" json:"instances,omitempty"`
 	// Targets that the camera keeps in view; may be empty, at most 32.
 	Targets []*Target `protobuf:"bytes,6,rep,name=targets,proto3" json:"targets,omitempty"`
-	// The camera's first pose; required. Its position relative to the targets is the shot that the camera tries to keep. With
-	// Settings.search_viewpoints (on by default) the camera leaves this shot for one that sees the targets better, and comes back
-	// when this shot is good again.
+	// The camera's first pose; required. Without `shot`, it is the shot that the camera tries to keep: its position relative to the targets, and
+	// where they are in its picture. With Settings.search_viewpoints (on by default) the camera leaves the shot for one that sees the targets better, and comes back
+	// when the shot is good again.
 	Camera *Pose3 `protobuf:"bytes,7,opt,name=camera,proto3" json:"camera,omitempty"`
 	// Default: 40 degrees vertically, 16/9, near plane at 0.1 m.
 	Lens *Lens `protobuf:"bytes,8,opt,name=lens,proto3" json:"lens,omitempty"`
@@ -170,7 +170,9 @@ type OpenSession struct {
 	Tuning *v1alpha1.Tuning `protobuf:"bytes,15,opt,name=tuning,proto3" json:"tuning,omitempty"`
 	// True: the session can go on in another stream if this one breaks (ResumeSession). Until its time is over it counts as an open
 	// session. Servers before 0.2 ignore this field. Default: false.
-	Resumable     bool `protobuf:"varint,16,opt,name=resumable,proto3" json:"resumable,omitempty"`
+	Resumable bool `protobuf:"varint,16,opt,name=resumable,proto3" json:"resumable,omitempty"`
+	// The shot that the camera tries to keep. Default: the first pose. Servers before 0.2 ignore this field.
+	Shot          *Shot `protobuf:"bytes,17,opt,name=shot,proto3" json:"shot,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -315,6 +317,13 @@ func (x *OpenSession) GetResumable() bool {
 		return x.Resumable
 	}
 	return false
+}
+
+func (x *OpenSession) GetShot() *Shot {
+	if x != nil {
+		return x.Shot
+	}
+	return nil
 }
 
 // Goes on with a session whose stream broke. The camera, the scene and the recording are as they were; nothing is opened anew.
@@ -609,7 +618,9 @@ type Tick struct {
 	// When and how thoroughly to step. Absent: the server decides.
 	StepControl *StepControl `protobuf:"bytes,11,opt,name=step_control,json=stepControl,proto3" json:"step_control,omitempty"`
 	// Finer settings that change from this tick on: the fields that are sent replace the session's.
-	Tuning        *v1alpha1.Tuning `protobuf:"bytes,12,opt,name=tuning,proto3" json:"tuning,omitempty"`
+	Tuning *v1alpha1.Tuning `protobuf:"bytes,12,opt,name=tuning,proto3" json:"tuning,omitempty"`
+	// The new shot; it replaces the former one as a whole. Absent: the shot stays. Servers before 0.2 ignore this field.
+	Shot          *Shot `protobuf:"bytes,13,opt,name=shot,proto3" json:"shot,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -724,6 +735,13 @@ func (x *Tick) GetStepControl() *StepControl {
 func (x *Tick) GetTuning() *v1alpha1.Tuning {
 	if x != nil {
 		return x.Tuning
+	}
+	return nil
+}
+
+func (x *Tick) GetShot() *Shot {
+	if x != nil {
+		return x.Shot
 	}
 	return nil
 }
@@ -905,8 +923,8 @@ type CameraReply struct {
 	Reason MoveReason `protobuf:"varint,12,opt,name=reason,proto3,enum=sightline.v1.MoveReason" json:"reason,omitempty"`
 	// The reason as one sentence for a person.
 	ReasonText string `protobuf:"bytes,13,opt,name=reason_text,json=reasonText,proto3" json:"reason_text,omitempty"`
-	// True: the pose jumped; do not blend from the former one. The cause is an observed cut or Settings.cut_after_s; `reason` says
-	// which.
+	// True: the pose jumped; do not blend from the former one. The cause is an observed cut, Settings.cut_after_s or Shot.cut; `reason` says
+	// which of the first and the others.
 	Cut bool `protobuf:"varint,14,opt,name=cut,proto3" json:"cut,omitempty"`
 	// Which volume of candidates was used.
 	VolumeUsed VolumeUsed `protobuf:"varint,15,opt,name=volume_used,json=volumeUsed,proto3,enum=sightline.v1.VolumeUsed" json:"volume_used,omitempty"`
@@ -932,7 +950,9 @@ type CameraReply struct {
 	// takes. Only with TRACKING_STATUS_SEEKING.
 	ViewS *float64 `protobuf:"fixed64,25,opt,name=view_s,json=viewS,proto3,oneof" json:"view_s,omitempty"`
 	// Id of the instance that is in the camera's way; only with TRACKING_STATUS_BLOCKED. 0: no single instance is.
-	BlockedBy     uint64 `protobuf:"fixed64,26,opt,name=blocked_by,json=blockedBy,proto3" json:"blocked_by,omitempty"`
+	BlockedBy uint64 `protobuf:"fixed64,26,opt,name=blocked_by,json=blockedBy,proto3" json:"blocked_by,omitempty"`
+	// The shot in force, and what of it this pose gives up. Absent: no target has a weight, or the settings keep no shot (FOLLOW_STAY).
+	Shot          *ShotReport `protobuf:"bytes,27,opt,name=shot,proto3" json:"shot,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -1149,6 +1169,13 @@ func (x *CameraReply) GetBlockedBy() uint64 {
 	return 0
 }
 
+func (x *CameraReply) GetShot() *ShotReport {
+	if x != nil {
+		return x.Shot
+	}
+	return nil
+}
+
 // The replied pose as seen from a target, in two frames. Both have their origin at the origin of the target's instance, and both are
 // in the client's convention. Composed with the target's newest transform, the camera moves along with what the target did since.
 type RelativePose struct {
@@ -1267,7 +1294,7 @@ var File_sightline_v1_session_proto protoreflect.FileDescriptor
 
 const file_sightline_v1_session_proto_rawDesc = "" +
 	"\n" +
-	"\x1asightline/v1/session.proto\x12\fsightline.v1\x1a&sightline/tuning/v1alpha1/tuning.proto\x1a\x19sightline/v1/camera.proto\x1a\x1esightline/v1/diagnostics.proto\x1a\x18sightline/v1/scene.proto\x1a\x1bsightline/v1/settings.proto\"\xa7\x06\n" +
+	"\x1asightline/v1/session.proto\x12\fsightline.v1\x1a&sightline/tuning/v1alpha1/tuning.proto\x1a\x19sightline/v1/camera.proto\x1a\x1esightline/v1/diagnostics.proto\x1a\x18sightline/v1/scene.proto\x1a\x1bsightline/v1/settings.proto\x1a\x17sightline/v1/shot.proto\"\xcf\x06\n" +
 	"\vOpenSession\x128\n" +
 	"\n" +
 	"convention\x18\x01 \x01(\v2\x18.sightline.v1.ConventionR\n" +
@@ -1287,7 +1314,8 @@ const file_sightline_v1_session_proto_rawDesc = "" +
 	"\x12degradation_policy\x18\r \x01(\x0e2\x1f.sightline.v1.DegradationPolicyR\x11degradationPolicy\x12<\n" +
 	"\trecording\x18\x0e \x01(\v2\x1e.sightline.v1.RecordingRequestR\trecording\x129\n" +
 	"\x06tuning\x18\x0f \x01(\v2!.sightline.tuning.v1alpha1.TuningR\x06tuning\x12\x1c\n" +
-	"\tresumable\x18\x10 \x01(\bR\tresumable\"R\n" +
+	"\tresumable\x18\x10 \x01(\bR\tresumable\x12&\n" +
+	"\x04shot\x18\x11 \x01(\v2\x12.sightline.v1.ShotR\x04shot\"R\n" +
 	"\rResumeSession\x12\x14\n" +
 	"\x05token\x18\x01 \x01(\fR\x05token\x12+\n" +
 	"\x11answered_sequence\x18\x02 \x01(\x04R\x10answeredSequence\"\xa9\x01\n" +
@@ -1313,7 +1341,7 @@ const file_sightline_v1_session_proto_rawDesc = "" +
 	"\x0eresume_grace_s\x18\n" +
 	" \x01(\x01R\fresumeGraceS\x12\x18\n" +
 	"\aresumed\x18\v \x01(\bR\aresumed\x12'\n" +
-	"\x0fnewest_sequence\x18\f \x01(\x04R\x0enewestSequence\"\xc8\x04\n" +
+	"\x0fnewest_sequence\x18\f \x01(\x04R\x0enewestSequence\"\xf0\x04\n" +
 	"\x04Tick\x12\x1a\n" +
 	"\bsequence\x18\x01 \x01(\x04R\bsequence\x12\x15\n" +
 	"\x06time_s\x18\x02 \x01(\x01R\x05timeS\x12\x16\n" +
@@ -1329,7 +1357,8 @@ const file_sightline_v1_session_proto_rawDesc = "" +
 	"\x06limits\x18\n" +
 	" \x01(\v2\x1a.sightline.v1.CameraLimitsR\x06limits\x12<\n" +
 	"\fstep_control\x18\v \x01(\v2\x19.sightline.v1.StepControlR\vstepControl\x129\n" +
-	"\x06tuning\x18\f \x01(\v2!.sightline.tuning.v1alpha1.TuningR\x06tuningB\a\n" +
+	"\x06tuning\x18\f \x01(\v2!.sightline.tuning.v1alpha1.TuningR\x06tuning\x12&\n" +
+	"\x04shot\x18\r \x01(\v2\x12.sightline.v1.ShotR\x04shotB\a\n" +
 	"\x05_dt_s\"q\n" +
 	"\vStepControl\x12&\n" +
 	"\x0fmerge_into_next\x18\x01 \x01(\bR\rmergeIntoNext\x12(\n" +
@@ -1339,7 +1368,7 @@ const file_sightline_v1_session_proto_rawDesc = "" +
 	"\x04pose\x18\x01 \x01(\v2\x13.sightline.v1.Pose3R\x04pose\x12.\n" +
 	"\bvelocity\x18\x02 \x01(\v2\x12.sightline.v1.Vec3R\bvelocity\x12\x10\n" +
 	"\x03cut\x18\x03 \x01(\bR\x03cut\x12=\n" +
-	"\x10angular_velocity\x18\x04 \x01(\v2\x12.sightline.v1.Vec3R\x0fangularVelocity\"\xc3\t\n" +
+	"\x10angular_velocity\x18\x04 \x01(\v2\x12.sightline.v1.Vec3R\x0fangularVelocity\"\xf1\t\n" +
 	"\vCameraReply\x12\x1a\n" +
 	"\bsequence\x18\x01 \x01(\x04R\bsequence\x12\x15\n" +
 	"\x06time_s\x18\x02 \x01(\x01R\x05timeS\x12\x1e\n" +
@@ -1375,7 +1404,8 @@ const file_sightline_v1_session_proto_rawDesc = "" +
 	"\vdegradation\x18\x18 \x01(\v2\x19.sightline.v1.DegradationR\vdegradation\x12\x1a\n" +
 	"\x06view_s\x18\x19 \x01(\x01H\x00R\x05viewS\x88\x01\x01\x12\x1d\n" +
 	"\n" +
-	"blocked_by\x18\x1a \x01(\x06R\tblockedByB\t\n" +
+	"blocked_by\x18\x1a \x01(\x06R\tblockedBy\x12,\n" +
+	"\x04shot\x18\x1b \x01(\v2\x18.sightline.v1.ShotReportR\x04shotB\t\n" +
 	"\a_view_s\"\x90\x01\n" +
 	"\fRelativePose\x12\x1b\n" +
 	"\ttarget_id\x18\x01 \x01(\x06R\btargetId\x12'\n" +
@@ -1427,20 +1457,22 @@ var file_sightline_v1_session_proto_goTypes = []any{
 	(*Settings)(nil),           // 20: sightline.v1.Settings
 	(*DiagnosticsRequest)(nil), // 21: sightline.v1.DiagnosticsRequest
 	(*v1alpha1.Tuning)(nil),    // 22: sightline.tuning.v1alpha1.Tuning
-	(*Transforms)(nil),         // 23: sightline.v1.Transforms
-	(*SceneDelta)(nil),         // 24: sightline.v1.SceneDelta
-	(*TargetList)(nil),         // 25: sightline.v1.TargetList
-	(*TargetVisibility)(nil),   // 26: sightline.v1.TargetVisibility
-	(*CandidateCounts)(nil),    // 27: sightline.v1.CandidateCounts
-	(TrackingStatus)(0),        // 28: sightline.v1.TrackingStatus
-	(MoveReason)(0),            // 29: sightline.v1.MoveReason
-	(VolumeUsed)(0),            // 30: sightline.v1.VolumeUsed
-	(PairFallback)(0),          // 31: sightline.v1.PairFallback
-	(*StepFlags)(nil),          // 32: sightline.v1.StepFlags
-	(*StageTimes)(nil),         // 33: sightline.v1.StageTimes
-	(*Candidates)(nil),         // 34: sightline.v1.Candidates
-	(*DepthMap)(nil),           // 35: sightline.v1.DepthMap
-	(*Degradation)(nil),        // 36: sightline.v1.Degradation
+	(*Shot)(nil),               // 23: sightline.v1.Shot
+	(*Transforms)(nil),         // 24: sightline.v1.Transforms
+	(*SceneDelta)(nil),         // 25: sightline.v1.SceneDelta
+	(*TargetList)(nil),         // 26: sightline.v1.TargetList
+	(*TargetVisibility)(nil),   // 27: sightline.v1.TargetVisibility
+	(*CandidateCounts)(nil),    // 28: sightline.v1.CandidateCounts
+	(TrackingStatus)(0),        // 29: sightline.v1.TrackingStatus
+	(MoveReason)(0),            // 30: sightline.v1.MoveReason
+	(VolumeUsed)(0),            // 31: sightline.v1.VolumeUsed
+	(PairFallback)(0),          // 32: sightline.v1.PairFallback
+	(*StepFlags)(nil),          // 33: sightline.v1.StepFlags
+	(*StageTimes)(nil),         // 34: sightline.v1.StageTimes
+	(*Candidates)(nil),         // 35: sightline.v1.Candidates
+	(*DepthMap)(nil),           // 36: sightline.v1.DepthMap
+	(*Degradation)(nil),        // 37: sightline.v1.Degradation
+	(*ShotReport)(nil),         // 38: sightline.v1.ShotReport
 }
 var file_sightline_v1_session_proto_depIdxs = []int32{
 	12, // 0: sightline.v1.OpenSession.convention:type_name -> sightline.v1.Convention
@@ -1456,41 +1488,44 @@ var file_sightline_v1_session_proto_depIdxs = []int32{
 	0,  // 10: sightline.v1.OpenSession.degradation_policy:type_name -> sightline.v1.DegradationPolicy
 	4,  // 11: sightline.v1.OpenSession.recording:type_name -> sightline.v1.RecordingRequest
 	22, // 12: sightline.v1.OpenSession.tuning:type_name -> sightline.tuning.v1alpha1.Tuning
-	1,  // 13: sightline.v1.RecordingRequest.mode:type_name -> sightline.v1.RecordingRequest.Mode
-	23, // 14: sightline.v1.Tick.transforms:type_name -> sightline.v1.Transforms
-	24, // 15: sightline.v1.Tick.delta:type_name -> sightline.v1.SceneDelta
-	25, // 16: sightline.v1.Tick.targets:type_name -> sightline.v1.TargetList
-	8,  // 17: sightline.v1.Tick.observed_camera:type_name -> sightline.v1.ObservedCamera
-	18, // 18: sightline.v1.Tick.lens:type_name -> sightline.v1.Lens
-	20, // 19: sightline.v1.Tick.settings:type_name -> sightline.v1.Settings
-	19, // 20: sightline.v1.Tick.limits:type_name -> sightline.v1.CameraLimits
-	7,  // 21: sightline.v1.Tick.step_control:type_name -> sightline.v1.StepControl
-	22, // 22: sightline.v1.Tick.tuning:type_name -> sightline.tuning.v1alpha1.Tuning
-	17, // 23: sightline.v1.ObservedCamera.pose:type_name -> sightline.v1.Pose3
-	13, // 24: sightline.v1.ObservedCamera.velocity:type_name -> sightline.v1.Vec3
-	13, // 25: sightline.v1.ObservedCamera.angular_velocity:type_name -> sightline.v1.Vec3
-	17, // 26: sightline.v1.CameraReply.pose:type_name -> sightline.v1.Pose3
-	13, // 27: sightline.v1.CameraReply.velocity:type_name -> sightline.v1.Vec3
-	13, // 28: sightline.v1.CameraReply.angular_velocity:type_name -> sightline.v1.Vec3
-	10, // 29: sightline.v1.CameraReply.relative_pose:type_name -> sightline.v1.RelativePose
-	26, // 30: sightline.v1.CameraReply.targets:type_name -> sightline.v1.TargetVisibility
-	27, // 31: sightline.v1.CameraReply.candidate_counts:type_name -> sightline.v1.CandidateCounts
-	28, // 32: sightline.v1.CameraReply.status:type_name -> sightline.v1.TrackingStatus
-	29, // 33: sightline.v1.CameraReply.reason:type_name -> sightline.v1.MoveReason
-	30, // 34: sightline.v1.CameraReply.volume_used:type_name -> sightline.v1.VolumeUsed
-	31, // 35: sightline.v1.CameraReply.pair_fallback:type_name -> sightline.v1.PairFallback
-	32, // 36: sightline.v1.CameraReply.flags:type_name -> sightline.v1.StepFlags
-	33, // 37: sightline.v1.CameraReply.stage_times:type_name -> sightline.v1.StageTimes
-	34, // 38: sightline.v1.CameraReply.candidates:type_name -> sightline.v1.Candidates
-	35, // 39: sightline.v1.CameraReply.depth_maps:type_name -> sightline.v1.DepthMap
-	36, // 40: sightline.v1.CameraReply.degradation:type_name -> sightline.v1.Degradation
-	17, // 41: sightline.v1.RelativePose.pose:type_name -> sightline.v1.Pose3
-	17, // 42: sightline.v1.RelativePose.unrotated_pose:type_name -> sightline.v1.Pose3
-	43, // [43:43] is the sub-list for method output_type
-	43, // [43:43] is the sub-list for method input_type
-	43, // [43:43] is the sub-list for extension type_name
-	43, // [43:43] is the sub-list for extension extendee
-	0,  // [0:43] is the sub-list for field type_name
+	23, // 13: sightline.v1.OpenSession.shot:type_name -> sightline.v1.Shot
+	1,  // 14: sightline.v1.RecordingRequest.mode:type_name -> sightline.v1.RecordingRequest.Mode
+	24, // 15: sightline.v1.Tick.transforms:type_name -> sightline.v1.Transforms
+	25, // 16: sightline.v1.Tick.delta:type_name -> sightline.v1.SceneDelta
+	26, // 17: sightline.v1.Tick.targets:type_name -> sightline.v1.TargetList
+	8,  // 18: sightline.v1.Tick.observed_camera:type_name -> sightline.v1.ObservedCamera
+	18, // 19: sightline.v1.Tick.lens:type_name -> sightline.v1.Lens
+	20, // 20: sightline.v1.Tick.settings:type_name -> sightline.v1.Settings
+	19, // 21: sightline.v1.Tick.limits:type_name -> sightline.v1.CameraLimits
+	7,  // 22: sightline.v1.Tick.step_control:type_name -> sightline.v1.StepControl
+	22, // 23: sightline.v1.Tick.tuning:type_name -> sightline.tuning.v1alpha1.Tuning
+	23, // 24: sightline.v1.Tick.shot:type_name -> sightline.v1.Shot
+	17, // 25: sightline.v1.ObservedCamera.pose:type_name -> sightline.v1.Pose3
+	13, // 26: sightline.v1.ObservedCamera.velocity:type_name -> sightline.v1.Vec3
+	13, // 27: sightline.v1.ObservedCamera.angular_velocity:type_name -> sightline.v1.Vec3
+	17, // 28: sightline.v1.CameraReply.pose:type_name -> sightline.v1.Pose3
+	13, // 29: sightline.v1.CameraReply.velocity:type_name -> sightline.v1.Vec3
+	13, // 30: sightline.v1.CameraReply.angular_velocity:type_name -> sightline.v1.Vec3
+	10, // 31: sightline.v1.CameraReply.relative_pose:type_name -> sightline.v1.RelativePose
+	27, // 32: sightline.v1.CameraReply.targets:type_name -> sightline.v1.TargetVisibility
+	28, // 33: sightline.v1.CameraReply.candidate_counts:type_name -> sightline.v1.CandidateCounts
+	29, // 34: sightline.v1.CameraReply.status:type_name -> sightline.v1.TrackingStatus
+	30, // 35: sightline.v1.CameraReply.reason:type_name -> sightline.v1.MoveReason
+	31, // 36: sightline.v1.CameraReply.volume_used:type_name -> sightline.v1.VolumeUsed
+	32, // 37: sightline.v1.CameraReply.pair_fallback:type_name -> sightline.v1.PairFallback
+	33, // 38: sightline.v1.CameraReply.flags:type_name -> sightline.v1.StepFlags
+	34, // 39: sightline.v1.CameraReply.stage_times:type_name -> sightline.v1.StageTimes
+	35, // 40: sightline.v1.CameraReply.candidates:type_name -> sightline.v1.Candidates
+	36, // 41: sightline.v1.CameraReply.depth_maps:type_name -> sightline.v1.DepthMap
+	37, // 42: sightline.v1.CameraReply.degradation:type_name -> sightline.v1.Degradation
+	38, // 43: sightline.v1.CameraReply.shot:type_name -> sightline.v1.ShotReport
+	17, // 44: sightline.v1.RelativePose.pose:type_name -> sightline.v1.Pose3
+	17, // 45: sightline.v1.RelativePose.unrotated_pose:type_name -> sightline.v1.Pose3
+	46, // [46:46] is the sub-list for method output_type
+	46, // [46:46] is the sub-list for method input_type
+	46, // [46:46] is the sub-list for extension type_name
+	46, // [46:46] is the sub-list for extension extendee
+	0,  // [0:46] is the sub-list for field type_name
 }
 
 func init() { file_sightline_v1_session_proto_init() }
@@ -1502,6 +1537,7 @@ func file_sightline_v1_session_proto_init() {
 	file_sightline_v1_diagnostics_proto_init()
 	file_sightline_v1_scene_proto_init()
 	file_sightline_v1_settings_proto_init()
+	file_sightline_v1_shot_proto_init()
 	file_sightline_v1_session_proto_msgTypes[4].OneofWrappers = []any{}
 	file_sightline_v1_session_proto_msgTypes[5].OneofWrappers = []any{}
 	file_sightline_v1_session_proto_msgTypes[7].OneofWrappers = []any{}

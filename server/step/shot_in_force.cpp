@@ -1,0 +1,279 @@
+#include "server/step/shot_in_force.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "server/base/hash.h"
+#include "server/move/framing.h"
+#include "server/step/opening.h"
+
+namespace sightline {
+namespace {
+
+// The time constant with which a shot follows the direction of its frame. A person turns faster than a camera should swing round.
+constexpr double kFrameS = 0.3;
+// The direction of a slower instance says nothing.
+constexpr double kTravelsMps = 0.3;
+// The place of the first picture is kept if it is farther from the middle than the free band, and not at the very edge.
+constexpr double kKeptPlace = 0.15, kFarthestPlace = 0.9;
+// From this elevation on, asked and present, the picture's upper edge keeps its direction.
+constexpr double kFromAboveRad = 1.2;
+// Less is not worth naming.
+constexpr double kHidesShare = 0.05;
+
+const AskedShot& asked_of(const StepInput& input) {
+  static const AskedShot none;
+  return input.shot ? *input.shot : none;
+}
+
+using Subjects = InlineVector<TrackedTarget, kMaxShotSubjects>;
+
+// The subjects that the mirror holds. Empty: the targets are.
+Subjects subjects_of(const StepInput& input, const TargetsNow& targets) {
+  Subjects subjects;
+  for (const uint64_t id : asked_of(input).subject_ids) {
+    const auto known = std::ranges::find(targets.ids, id);
+    if (known != targets.ids.end())
+      subjects.push_back(targets.tracked_targets[static_cast<size_t>(known - targets.ids.begin())]);
+    else if (input.scene.find(id))
+      subjects.push_back(view_of_instance(input, id));
+  }
+  return subjects;
+}
+
+glm::dvec3 middle_m(const Subjects& subjects, const TargetsNow& targets) {
+  if (subjects.empty()) return weighted_center_m(targets.tracked_targets);
+  glm::dvec3 sum_m(0.0);
+  for (const TrackedTarget& subject : subjects) sum_m += subject.aim_m;
+  return sum_m / static_cast<double>(subjects.size());
+}
+
+const Instance* frame_instance(const StepInput& input, const TargetsNow& targets) {
+  const AskedShot& asked = asked_of(input);
+  if (asked.frame_id != 0) return input.scene.find(asked.frame_id);
+  for (const uint64_t id : asked.subject_ids)
+    if (const Instance* found = input.scene.find(id)) return found;
+  for (size_t i = 0; i < targets.ids.size(); ++i)
+    if (targets.steered >> i & 1u) return input.scene.find(targets.ids[i]);
+  return nullptr;
+}
+
+std::optional<double> heading_of(const Instance& instance, const glm::dvec3& front) {
+  return yaw_of(instance.pose.rotation * front);
+}
+
+std::optional<double> travel_of(const Instance& instance) {
+  const glm::dvec3 level_mps(instance.velocity_mps.x, 0, instance.velocity_mps.z);
+  return glm::length(level_mps) > kTravelsMps ? yaw_of(level_mps) : std::nullopt;
+}
+
+// The yaw of the frame now; empty where nothing gives it. `begins`: no former yaw is known.
+std::optional<double> frame_yaw_rad(const StepInput& input, const TargetsNow& targets, bool begins) {
+  const AskedShot& asked = asked_of(input);
+  if (asked.frame == ShotFrame::kWorld) return yaw_of(asked.front);
+  const Instance* instance = frame_instance(input, targets);
+  if (!instance) return std::nullopt;
+  if (asked.frame == ShotFrame::kHeading) return heading_of(*instance, asked.front);
+  if (asked.frame == ShotFrame::kTravel) {
+    const std::optional<double> travel = travel_of(*instance);
+    return travel || !begins ? travel : heading_of(*instance, asked.front);
+  }
+  const Instance* end = input.scene.find(asked.line_to_id);
+  return end ? yaw_of(end->center_m - instance->center_m) : std::nullopt;
+}
+
+void turn_frame(const StepInput& input, const TargetsNow& targets, ShotFrameState& frame) {
+  const std::optional<double> now_rad = frame_yaw_rad(input, targets, false);
+  const double dt_s = std::min(input.dt_s, kMaxStepS);
+  frame.age_s += dt_s;
+  if (!now_rad) return;
+  const double share = asked_of(input).frame == ShotFrame::kWorld ? 1.0 : -std::expm1(-dt_s / kFrameS);
+  frame.yaw_rad += share * std::remainder(*now_rad - frame.yaw_rad, 2 * std::numbers::pi);
+}
+
+// The wanted place now, in the frame.
+PlaceInFrame wanted_place(const StepInput& input, const TargetsNow& targets, const Subjects& subjects, const ShotFrameState& frame) {
+  const AskedShot& asked = asked_of(input);
+  PlaceInFrame to = frame.to;
+  if (asked.size) {
+    const glm::dvec3 direction = offset_in_frame({to.side_rad, to.height_rad, 1.0}, frame.yaw_rad);
+    InlineVector<TrackedTarget, kMaxTargets> steered;
+    for (const TrackedTarget& target : targets.tracked_targets)
+      if (target.steered()) steered.push_back(target);
+    const std::span<const TrackedTarget> bodies = subjects.empty() ? std::span<const TrackedTarget>(steered.begin(), steered.size())
+                                                                   : std::span<const TrackedTarget>(subjects.begin(), subjects.size());
+    to.distance_m = distance_for_size_m(*asked.size, bodies, middle_m(subjects, targets), direction, input.lens);
+  }
+  PlaceInFrame now = asked.blend_s > 0 ? blend(frame.from, to, frame.age_s / asked.blend_s) : to;
+  now.side_rad += asked.orbit_radps * frame.age_s;
+  return now;
+}
+
+// What was not sent is taken from the former shot, and in the first shot from the camera.
+void begin(const StepInput& input, const TargetsNow& targets, const CarriedState& carried, const Subjects& subjects, WantedShot& shot) {
+  const AskedShot& asked = asked_of(input);
+  const glm::dvec3 former_m = shot.is_set ? weighted_center_m(targets.tracked_targets) + shot.asked_offset_m : carried.camera.pose.position_m;
+  ShotFrameState& frame = shot.frame;
+  // A camera that the client puts elsewhere with an observed cut does not jump to a shot that began before.
+  shot.cut_s = asked.cut && frame.number != asked.number ? kCutWithinS : 0.0;
+  frame = {};
+  frame.number = asked.number;
+  frame.yaw_rad = frame_yaw_rad(input, targets, true).value_or(0.0);
+  frame.from = place_in_frame(former_m - middle_m(subjects, targets), frame.yaw_rad);
+  frame.to = {asked.side_rad.value_or(frame.from.side_rad), asked.height_rad.value_or(frame.from.height_rad), asked.distance_m.value_or(frame.from.distance_m)};
+  if (!shot.is_set) frame.from = frame.to, frame.age_s = asked.blend_s;
+
+}
+
+// Where the targets are in the picture with which a shot begins without places of its own.
+std::optional<glm::dvec2> first_place(const StepInput& input, const TargetsNow& targets, const CarriedState& carried) {
+  Lens lens = input.lens;
+  if (carried.zoom.vertical_fov_rad > 0) lens.vertical_fov_rad = carried.zoom.vertical_fov_rad;
+  const glm::dvec2 off = off_place_half_pictures(carried.camera.pose, targets.tracked_targets, lens);
+  const double farther = std::max(std::abs(off.x), std::abs(off.y));
+  return farther > kKeptPlace && farther <= kFarthestPlace ? std::optional(off) : std::nullopt;
+}
+
+void forget_targets(const TargetsNow& targets, WantedShot& shot) {
+  shot.viewpoint.reset();
+  shot.asked_seen_s = 0.0;
+  shot.in_line_m.reset(), shot.line_closed_s = shot.all_kept_s = 0.0;
+  shot.at_asked.clear();
+  shot.target_set = hash_of(targets, targets.weighted);
+}
+
+}  // namespace
+
+bool keeps_shot(const TargetsNow& targets, const WantedShot& before) {
+  return before.is_set && before.target_set == hash_of(targets, targets.weighted);
+}
+
+WantedShot shot_in_force(const StepInput& input, const TargetsNow& targets, const CarriedState& carried) {
+  WantedShot shot = carried.shot;
+  if (targets.steered == 0) return shot;
+  const AskedShot& asked = asked_of(input);
+  const bool begins = !shot.is_set || shot.frame.number != asked.number;
+  const Subjects subjects = subjects_of(input, targets);
+  const glm::dvec3 center_m = weighted_center_m(targets.tracked_targets);
+  if (begins) {
+    if (!shot.is_set) shot.place = first_place(input, targets, carried), shot.asked_offset_m = carried.camera.pose.position_m - center_m;
+    begin(input, targets, carried, subjects, shot);
+    shot.up_yaw_rad = carried.turn.angles.yaw_rad;
+  } else {
+    turn_frame(input, targets, shot.frame);
+  }
+  if (begins || !keeps_shot(targets, shot)) forget_targets(targets, shot);
+  shot.tolerance = asked.tolerance;
+  shot.subjects_m = subjects.empty() ? glm::dvec3(0.0) : middle_m(subjects, targets) - center_m;
+  // Without a shot of the client's, the offset stays as it is to the last bit.
+  if (asked.number != 0) {
+    const PlaceInFrame place = wanted_place(input, targets, subjects, shot.frame);
+    shot.asked_offset_m = shot.subjects_m + offset_in_frame(place, shot.frame.yaw_rad);
+    shot.up_yaw_rad = yaw_of(-offset_in_frame({place.side_rad, 0.0, 1.0}, shot.frame.yaw_rad)).value_or(shot.up_yaw_rad);
+  }
+  if (!shot.other_viewpoint()) shot.offset_m = shot.asked_offset_m;
+  shot.is_set = true;
+  return shot;
+}
+
+void place_in_picture(const StepInput& input, const WantedShot& shot, TargetsNow& targets) {
+  const std::vector<PicturePlace>& places = asked_of(input).places;
+  for (size_t i = 0; i < targets.ids.size(); ++i) {
+    TrackedTarget& target = targets.tracked_targets[i];
+    if (places.empty()) target.place = shot.place;
+    for (const PicturePlace& place : places)
+      if (place.id == 0 || place.id == targets.ids[i]) target.place = place.half_pictures;
+  }
+}
+
+std::optional<double> yaw_from_above(const StepContext& step, const WantedShot& shot, const glm::dvec3& eye_m) {
+  if (!shot.is_set || step.input.settings.move.follow == Follow::kStay) return std::nullopt;
+  const bool is_above = elevation_rad(shot.asked_offset_m) >= kFromAboveRad && elevation_rad(eye_m - step.center_m()) >= kFromAboveRad;
+  return is_above ? std::optional(shot.up_yaw_rad) : std::nullopt;
+}
+
+namespace {
+
+uint32_t limits_of(const StepContext& step, const glm::dvec3& asked_m) {
+  const MoveSettings& settings = step.input.settings.move;
+  const glm::dvec3 center_m = step.center_m(), place_m = center_m + asked_m;
+  const BrokenLimits broken = broken_limits(place_m, step.targets.tracked_targets, settings);
+  uint32_t limits = 0;
+  const auto add = [&](ShotLimit limit, bool holds) { limits |= holds ? 1u << static_cast<int>(limit) : 0u; };
+  const bool too_far = glm::length(asked_m) > settings.max_distance_m;
+  add(ShotLimit::kMaxDistance, broken.distance && too_far);
+  add(ShotLimit::kMinDistance, broken.distance && !too_far);
+  const double elevation = elevation_rad(asked_m);
+  add(ShotLimit::kMinElevation, broken.elevation && elevation < settings.min_elevation_rad);
+  add(ShotLimit::kMaxElevation, broken.elevation && elevation > settings.max_elevation_rad);
+  MoveSettings free = settings;
+  free.min_distance_m = 0, free.max_distance_m = 1e9, free.min_elevation_rad = -2, free.max_elevation_rad = 2;
+  const glm::dvec3 fitting_m = desired_place_m(step.targets.tracked_targets, asked_m, step.lens, step.input.settings.framing.framing_margin, free);
+  constexpr double kFitSlack = 1.05;
+  add(ShotLimit::kPicture, glm::distance(fitting_m, center_m) > kFitSlack * glm::length(asked_m));
+  return limits;
+}
+
+double lost_sight(const StepContext& step, std::span<const TargetSight> sights) {
+  double lost = 0, all = 0;
+  for (size_t i = 0; i < sights.size(); ++i) {
+    const double weight = step.targets.sight_weights[i];
+    lost += weight * (1 - sights[i].filtered_share * sights[i].picture_share), all += weight;
+  }
+  return all > 0 ? lost / all : 0.0;
+}
+
+void name_hider(const StepContext& step, const WantedShot& shot, ShotReport& report) {
+  double all = 0, most = kHidesShare;
+  for (const AskedSight& sight : shot.at_asked) {
+    const auto known = std::ranges::find(step.targets.ids, sight.target_id);
+    if (known == step.targets.ids.end()) continue;
+    const double weight = step.targets.sight_weights[static_cast<size_t>(known - step.targets.ids.begin())];
+    report.hidden_share += weight * sight.hidden, all += weight;
+    if (weight > 0 && sight.by != 0 && sight.hidden > most) most = sight.hidden, report.hidden_by = sight.by, report.hidden_target = sight.target_id;
+  }
+  report.hidden_share = all > 0 ? report.hidden_share / all : 0.0;
+}
+
+}  // namespace
+
+ShotReport report_shot(const StepContext& step, const WantedShot& shot, const CameraState& camera, const Lens& lens, std::span<const TargetSight> sights) {
+  const glm::dvec3 asked_m = shot.asked_offset_m - shot.subjects_m, now_m = camera.pose.position_m - (step.center_m() + shot.subjects_m);
+  ShotReport report;
+  report.asked = place_in_frame(asked_m, shot.frame.yaw_rad), report.now = place_in_frame(now_m, shot.frame.yaw_rad);
+  ShotProperties now = shot_from(now_m, lens.vertical_fov_rad);
+  now.place_half_pictures = off_place_half_pictures(camera.pose, step.targets.tracked_targets, lens);
+  report.off_place = std::max(std::abs(now.place_half_pictures.x), std::abs(now.place_half_pictures.y));
+  report.deviation = up_to_limits(deviation_between(shot_from(asked_m, step.input.lens.vertical_fov_rad), now, shot.tolerance));
+  report.sight_loss = lost_sight(step, sights);
+  report.worth = picture_worth(report.sight_loss, shot_loss(report.deviation, step.input.settings.move.shot));
+  report.limits = limits_of(step, shot.asked_offset_m);
+  name_hider(step, shot, report);
+  return report;
+}
+
+void watch_asked_place(const StepContext& step, const TakenMaps& taken, WantedShot& shot) {
+  const ViewpointLook& look = taken.plan.look;
+  if (!look.searches || step.move_s <= 0 || !step.is_steered(look.target)) return;
+  const glm::dvec3 place_m = step.center_m() + framed_offset_m(step, shot.asked_offset_m);
+  const uint64_t id = step.targets.ids[look.target];
+  auto sight = std::find_if(shot.at_asked.begin(), shot.at_asked.end(), [id](const AskedSight& of) { return of.target_id == id; });
+  if (sight == shot.at_asked.end()) {
+    if (shot.at_asked.size() == kMaxTargets) return;
+    shot.at_asked.push_back({.target_id = id}), sight = shot.at_asked.end() - 1;
+  }
+  const double memory_s = step.input.settings.move.viewpoint_search.memory_s;
+  const double newest = -std::expm1(-step.move_s * static_cast<double>(step.target_count()) / memory_s);
+  for (const DepthMap& map : taken.maps.subspan(look.maps.first, look.maps.count)) {
+    const MapPoint at = project(map.view, place_m);
+    if (!at.in_window) continue;
+    const int x = nearest_ray(at.x, map.view.jitter.x, map.view.width), y = nearest_ray(at.y, map.view.jitter.y, map.view.height);
+    const bool hidden = at.depth_m > map.depth_at(x, y) * (1 + taken.settings.relative_bias);
+    sight->hidden += newest * ((hidden ? 1.0 : 0.0) - sight->hidden);
+    if (hidden) sight->by = step.input.scene.instances()[map.occluder_at(x, y)].id;
+    return;
+  }
+}
+
+}  // namespace sightline

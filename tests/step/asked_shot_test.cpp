@@ -1,0 +1,346 @@
+// Shots that the client asks for: frames that turn, size, places in the picture, cuts, blends, and what the report says.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "server/move/framing.h"
+#include "tests/support/filming.h"
+
+namespace sightline::test {
+namespace {
+
+constexpr double kPi = std::numbers::pi, kTick = 1.0 / 60;
+
+double degrees(double rad) {
+  return rad * 180 / kPi;
+}
+
+// Facing along `direction` with the front axis +Z.
+glm::dquat facing(const glm::dvec3& direction) {
+  return glm::angleAxis(std::atan2(direction.x, direction.z), glm::dvec3(0, 1, 0));
+}
+
+struct Shown : OneFilmed {
+  using OneFilmed::OneFilmed;
+  uint64_t sent = 0;
+
+  void ask(AskedShot asked) {
+    shot = std::move(asked);
+    shot.number = ++sent;
+  }
+  void turn_to(uint64_t id, const glm::dvec3& at_m, const glm::dvec3& velocity_mps, const glm::dvec3& direction) {
+    TransformUpdate update;
+    update.ids = {id}, update.poses = {Pose{at_m, facing(direction)}}, update.velocities_mps = {velocity_mps};
+    ASSERT_TRUE(mirror.apply({}, update));
+  }
+  // Of a point in the picture: halves of it, right and up.
+  glm::dvec2 in_halves(const glm::dvec3& point_m) const {
+    const glm::dvec3 p = inverse_transform_point(camera().pose, point_m);
+    return glm::dvec2(p.x / lens.aspect, p.y) / (-p.z * std::tan(lens.vertical_fov_rad / 2));
+  }
+};
+
+// A runner goes round a circle of 6 m at 3 m/s. `follow`: the frame. Returns the share of the ticks after the first 3 s in which the camera is within 45 degrees
+// of being behind.
+double share_behind(ShotFrame frame) {
+  Shown world({0, 1.8, 5});
+  AskedShot chase;
+  chase.frame = frame, chase.side_rad = kPi, chase.height_rad = 0.2, chase.distance_m = 5;
+  world.ask(chase);
+  Watch watch(world);
+  int behind = 0, ticks = 0;
+  for (int i = 0; i < 1500; ++i) {
+    const double angle = 3.0 / 6.0 * i * kTick;
+    const glm::dvec3 at_m(6 * std::sin(angle), 1, 6 * (1 - std::cos(angle))), along(std::cos(angle), 0, std::sin(angle));
+    // A client without rotations keeps the first one.
+    world.turn_to(1, at_m, 3.0 * along, frame == ShotFrame::kTravel ? glm::dvec3(0, 0, 1) : along);
+    StepResult result;
+    world.step_in(watch, result);
+    if (i < 180) continue;
+    const glm::dvec3 back_m = world.camera().pose.position_m - at_m;
+    behind += glm::dot(glm::normalize(glm::dvec3(back_m.x, 0, back_m.z)), -along) > std::cos(kPi / 4), ++ticks;
+  }
+  return static_cast<double>(behind) / ticks;
+}
+
+TEST(AskedShot, AChaseCameraKeepsBehindARunnerWhoTurns) {
+  EXPECT_GT(share_behind(ShotFrame::kHeading), 0.95);
+  EXPECT_GT(share_behind(ShotFrame::kTravel), 0.95);
+  EXPECT_LT(share_behind(ShotFrame::kWorld), 0.6) << "the frame makes the difference";
+}
+
+TEST(AskedShot, ARunnerWhoStopsIsStillShownFromBehind) {
+  Shown world({-5, 1.8, 0});
+  AskedShot chase;
+  chase.frame = ShotFrame::kTravel, chase.side_rad = kPi, chase.height_rad = 0.15, chase.distance_m = 5;
+  world.ask(chase);
+  Watch watch(world);
+  double x_m = 0;
+  for (int i = 0; i < 600; ++i) {
+    const double speed_mps = i < 240 ? 2.0 : 0.0;
+    x_m += speed_mps * kTick;
+    world.move(1, {x_m, 1, 0}, {speed_mps, 0, 0});
+    watch.step();
+  }
+  EXPECT_LT(glm::distance(world.camera().pose.position_m, glm::dvec3(x_m, 1, 0) + offset_in_frame({kPi, 0.15, 5}, *yaw_of({1, 0, 0}))), 0.5);
+}
+
+TEST(AskedShot, ThePictureFromRightAboveDoesNotTurn) {
+  Shown world({0, 9, 0.5});
+  world.settings.move.max_elevation_rad = kPi / 2;
+  AskedShot above;
+  above.side_rad = kPi, above.height_rad = kPi / 2, above.distance_m = 8;
+  world.ask(above);
+  Watch watch(world);
+  double least = 1e9, greatest = -1e9, farthest_off = 0;
+  for (int i = 0; i < 900; ++i) {
+    const double angle = 1.4 / 2.0 * i * kTick;
+    const glm::dvec3 at_m(2 * std::sin(angle), 1, 2 * (1 - std::cos(angle)));
+    world.move(1, at_m, 1.4 * glm::dvec3(std::cos(angle), 0, std::sin(angle)));
+    watch.step();
+    if (i < 240) continue;
+    const double yaw = yaw_and_pitch(world.camera().pose.rotation).x;
+    least = std::min(least, yaw), greatest = std::max(greatest, yaw);
+    const glm::dvec2 off = glm::abs(world.in_halves(at_m));
+    farthest_off = std::max({farthest_off, off.x, off.y});
+  }
+  EXPECT_LT(degrees(greatest - least), 0.5);
+  EXPECT_LT(farthest_off, 0.6) << "the walker is in the picture";
+}
+
+TEST(AskedShot, OverTheShoulderShowsTheShoulderAndAllOfTheOther) {
+  Shown world({0, 1.8, -3});
+  world.add(2, CapsuleShape{0.3f, 0.6f}, {0, 1, 3.5});
+  world.targets[0].instance_id = 2;  // the face; person 1 has the shoulder
+  for (const double right : {1.0, -1.0}) {
+    AskedShot over;
+    over.subject_ids = {1}, over.frame = ShotFrame::kLine, over.frame_id = 1, over.line_to_id = 2;
+    over.side_rad = right * 2.6, over.height_rad = 0.35, over.distance_m = 1.5, over.tolerance = 0.3, over.places = {{2, {right * 0.3, 0.1}}};
+    world.ask(over);
+    Watch watch(world);
+    StepResult result;
+    for (int i = 0; i < 300; ++i) world.step_in(watch, result);
+    const glm::dvec3 eye_m = world.camera().pose.position_m;
+    EXPECT_LT(glm::distance(eye_m, glm::dvec3(0, 1, 0)), 1.8) << "it is not pushed away";
+    EXPECT_GT(result.targets[0].visible_share, 0.95);
+    EXPECT_GT(result.targets[0].picture_share, 0.95);
+    EXPECT_NEAR(world.in_halves({0, 1, 3.5}).x, right * 0.3, 0.1);
+    // The shoulder is at the end of the capsule's cylinder, 0.6 m above the middle, on the side of the camera.
+    const glm::dvec2 shoulder = world.in_halves({-right * 0.3, 1.6, 0});
+    EXPECT_LT(std::abs(shoulder.x), 1) << right;
+    EXPECT_LT(std::abs(shoulder.y), 1) << right;
+    ASSERT_TRUE(result.shot);
+    EXPECT_GT(result.shot->worth, 0.9);
+  }
+}
+
+TEST(AskedShot, ASizeIsThatOfTheBodyInThePictureAndOfAGroupThatSpreads) {
+  Shown world({0, 1.6, 6});
+  AskedShot medium;
+  medium.size = 0.5;
+  world.ask(medium);
+  Watch watch(world);
+  for (int i = 0; i < 240; ++i) watch.step();
+  const double high = world.in_halves({0, 1.9, 0}).y, low = world.in_halves({0, 0.1, 0}).y;
+  EXPECT_NEAR((high - low) / 2, 0.5, 0.06);
+  world.add_target(2, {1, 1, 0});
+  double last_m = 0;
+  for (const double x_m : {2.0, 4.0, 6.0}) {
+    world.move(2, {x_m, 1, 0});
+    for (int i = 0; i < 240; ++i) watch.step();
+    const double width = (world.in_halves({x_m + 0.3, 1, 0}).x - world.in_halves({-0.3, 1, 0}).x) / 2;
+    EXPECT_NEAR(std::max(width, (world.in_halves({0, 1.9, 0}).y - world.in_halves({0, 0.1, 0}).y) / 2), 0.5, 0.08) << x_m;
+    const double distance_m = glm::distance(world.camera().pose.position_m, glm::dvec3(x_m / 2, 1, 0));
+    EXPECT_GT(distance_m, last_m - 0.3);
+    last_m = distance_m;
+  }
+  EXPECT_GT(last_m, 8);
+}
+
+TEST(AskedShot, AnOrbitGoesRoundAtItsSpeed) {
+  Shown world({0, 2.5, 5});
+  AskedShot orbit;
+  orbit.orbit_radps = 0.4;
+  world.ask(orbit);
+  Watch watch(world);
+  double round_rad = 0, last_rad = 0;
+  for (int i = 0; i < 1200; ++i) {
+    watch.step();
+    const glm::dvec3 from_m = world.camera().pose.position_m - glm::dvec3(0, 1, 0);
+    const double now_rad = std::atan2(from_m.x, from_m.z);
+    if (i > 0) round_rad += std::remainder(now_rad - last_rad, 2 * kPi);
+    last_rad = now_rad;
+    EXPECT_NEAR(glm::length(from_m), std::hypot(1.5, 5), 1.0);
+  }
+  // To the right of somebody who faces the first camera is towards -X.
+  EXPECT_NEAR(round_rad, -0.4 * 20, 0.5);
+}
+
+TEST(AskedShot, TheFirstPicturesPlaceIsKept) {
+  Shown world;
+  const glm::dvec3 aside(1.0, 0, 0);
+  world.place({0, 1.6, 6}, glm::dvec3(0, 1, 0) + aside);
+  const glm::dvec2 asked = world.in_halves({0, 1, 0});
+  ASSERT_LT(asked.x, -0.2);
+  Watch watch(world);
+  for (int i = 0; i < 600; ++i) {
+    const double x_m = 1.4 * i * kTick;
+    world.move(1, {x_m, 1, 0}, {1.4, 0, 0});
+    watch.step();
+    if (i <= 120) continue;
+    EXPECT_NEAR(world.in_halves({x_m, 1, 0}).x, asked.x, 0.12) << i;
+  }
+}
+
+TEST(AskedShot, ACutIsAtTheShotAtOnceAndFlagged) {
+  Shown world;
+  world.step(kTick);
+  AskedShot there;
+  there.side_rad = kPi, there.height_rad = 0.3, there.distance_m = 7, there.cut = true;
+  world.ask(there);
+  const StepResult result = world.step(kTick);
+  EXPECT_TRUE(result.cut);
+  EXPECT_EQ(result.reason, MoveReason::kCut);
+  EXPECT_LT(glm::distance(result.camera.pose.position_m, glm::dvec3(0, 1, 0) + offset_in_frame({kPi, 0.3, 7}, *yaw_of({0, 0, 1}))), 0.05);
+  ASSERT_TRUE(result.shot);
+  EXPECT_GT(result.shot->worth, 0.95);
+  for (int i = 0; i < 60; ++i) EXPECT_FALSE(world.step(kTick).cut) << "one shot is one cut";
+}
+
+TEST(AskedShot, ACutToAPlaceInsideAWallGoesToANearPlaceThatSeesTheTarget) {
+  Shown world;
+  const glm::dvec3 asked_m = glm::dvec3(0, 1, 0) + offset_in_frame({kPi, 0.3, 7}, *yaw_of({0, 0, 1}));
+  world.add_box(9, asked_m, {4, 4, 1});
+  world.step(kTick);
+  AskedShot there;
+  there.side_rad = kPi, there.height_rad = 0.3, there.distance_m = 7, there.cut = true;
+  world.ask(there);
+  StepResult result;
+  for (int i = 0; i < 30 && !result.cut; ++i) result = world.step(kTick);
+  ASSERT_TRUE(result.cut);
+  EXPECT_GE(world.clearance_m(), world.limits.body_radius_m);
+  EXPECT_GT(result.targets[0].visible_share, 0.95);
+}
+
+TEST(AskedShot, AnObservedCutDoesNotBringBackACutToTheShot) {
+  Shown world;
+  AskedShot there;
+  there.side_rad = kPi, there.height_rad = 0.3, there.distance_m = 7, there.cut = true;
+  world.ask(there);
+  world.step(kTick);
+  world.place({0, 1.6, 5}, {0, 1, 0});
+  for (int i = 0; i < 60; ++i) EXPECT_FALSE(world.step(kTick).cut);
+}
+
+TEST(AskedShot, ABlendTakesItsTime) {
+  Shown world({0, 1.6, 6});
+  world.step(kTick);
+  AskedShot there;
+  there.side_rad = 1.2, there.height_rad = 0.6, there.distance_m = 9, there.blend_s = 3;
+  world.ask(there);
+  Watch watch(world);
+  double last = 0;
+  for (int i = 0; i < 360; ++i) {
+    StepResult result;
+    world.step_in(watch, result);
+    ASSERT_TRUE(result.shot);
+    EXPECT_GE(result.shot->asked.height_rad, last - 1e-9);
+    if (i == 90) {
+      EXPECT_NEAR(result.shot->asked.side_rad, 0.6, 0.05) << "half way";
+    }
+    last = result.shot->asked.height_rad;
+  }
+  EXPECT_NEAR(last, 0.6, 1e-9);
+  EXPECT_LT(glm::distance(world.camera().pose.position_m, glm::dvec3(0, 1, 0) + offset_in_frame({1.2, 0.6, 9}, *yaw_of({0, 0, 1}))), 0.3);
+}
+
+TEST(AskedShot, WhatIsNotSentIsTakenFromTheFormerShotEvenWhileTheCameraEvades) {
+  Shown world({0, 1.6, 6});
+  AskedShot first;
+  first.side_rad = 0.0, first.height_rad = 0.1, first.distance_m = 6;
+  world.ask(first);
+  world.add_box(9, {0, 2, 3}, {2, 2, 0.2});
+  for (int i = 0; i < 240; ++i) world.step(kTick);
+  AskedShot nearer;
+  nearer.distance_m = 4;
+  world.ask(nearer);
+  const StepResult result = world.step(kTick);
+  ASSERT_TRUE(result.shot);
+  EXPECT_NEAR(result.shot->asked.side_rad, 0.0, 1e-9);
+  EXPECT_NEAR(result.shot->asked.height_rad, 0.1, 1e-9);
+  EXPECT_NEAR(result.shot->asked.distance_m, 4.0, 1e-9);
+}
+
+TEST(AskedShot, TheEvadingCameraComesBackAfterATargetJoinedAndLeft) {
+  Shown world({0, 1.6, 6});
+  const glm::dvec3 asked_m = world.camera().pose.position_m;
+  world.add_box(9, {0, 2, 3}, {2, 2, 0.2});
+  Watch watch(world);
+  for (int i = 0; i < 300; ++i) watch.step();
+  EXPECT_GT(glm::distance(world.camera().pose.position_m, asked_m), 1.0) << "it evades the wall";
+  world.add_target(2, {1.5, 1, 0});
+  for (int i = 0; i < 60; ++i) watch.step();
+  world.targets.pop_back();
+  for (int i = 0; i < 60; ++i) watch.step();
+  SceneDelta gone;
+  gone.remove = {9};
+  ASSERT_TRUE(world.mirror.apply(gone, {}));
+  for (int i = 0; i < 900; ++i) watch.step();
+  EXPECT_LT(glm::distance(world.camera().pose.position_m, asked_m), 0.3);
+}
+
+TEST(AskedShot, TheReportNamesWhatHidesTheTargetFromThePlaceOfTheShot) {
+  Shown world({0, 1.6, 6});
+  Watch watch(world);
+  StepResult result;
+  for (int i = 0; i < 120; ++i) result = watch.step();
+  ASSERT_TRUE(result.shot);
+  EXPECT_GT(result.shot->worth, 0.99);
+  EXPECT_EQ(result.shot->hidden_by, 0u);
+  EXPECT_EQ(result.shot->limits, 0u);
+  world.add_box(9, {0, 2, 3}, {2, 2, 0.2});
+  for (int i = 0; i < 600; ++i) result = watch.step();
+  ASSERT_TRUE(result.shot);
+  EXPECT_GT(result.shot->hidden_share, 0.9);
+  EXPECT_EQ(result.shot->hidden_by, 9u);
+  EXPECT_EQ(result.shot->hidden_target, 1u);
+  EXPECT_GT(result.shot->deviation.side + result.shot->deviation.height + result.shot->deviation.size, 0.0) << "it evades";
+}
+
+TEST(AskedShot, TheReportNamesTheLimitsThatTheShotBreaks) {
+  Shown world({0, 1.6, 6});
+  const auto limits_with = [&](double height_rad, double distance_m) {
+    AskedShot asked;
+    asked.height_rad = height_rad, asked.distance_m = distance_m;
+    world.ask(asked);
+    const StepResult result = world.step(kTick);
+    EXPECT_TRUE(result.shot);
+    return result.shot ? result.shot->limits : 0u;
+  };
+  const auto only = [](ShotLimit limit) { return 1u << static_cast<int>(limit); };
+  EXPECT_EQ(limits_with(0.1, 6), 0u);
+  EXPECT_EQ(limits_with(0.1, 50), only(ShotLimit::kMaxDistance));
+  EXPECT_EQ(limits_with(1.5, 6), only(ShotLimit::kMaxElevation));
+  EXPECT_EQ(limits_with(-0.8, 6), only(ShotLimit::kMinElevation));
+  EXPECT_EQ(limits_with(0.1, 0.6), only(ShotLimit::kMinDistance) | only(ShotLimit::kPicture));
+  EXPECT_EQ(limits_with(0.1, 1.5), only(ShotLimit::kPicture));
+}
+
+TEST(AskedShot, ABodyThatIsLessThanHalfInThePictureIsNotTracked) {
+  // Held where it is, so near that only a part of the body fits.
+  Shown world;
+  world.settings.move.follow = Follow::kStay;
+  world.settings.move.min_distance_m = 0;
+  world.limits.max_speed_mps = 1e-6;
+  world.place({0, 1.4, 0.75}, {0, 1.4, 0});
+  StepResult result;
+  for (int i = 0; i < 60; ++i) result = world.step(kTick);
+  ASSERT_TRUE(result.targets[0].in_picture);
+  ASSERT_GT(result.targets[0].filtered_share, 0.75);
+  ASSERT_LT(result.targets[0].picture_share, 0.5);
+  EXPECT_EQ(result.status, TrackingStatus::kPartialView);
+}
+
+}  // namespace
+}  // namespace sightline::test
