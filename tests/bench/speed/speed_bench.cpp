@@ -13,11 +13,12 @@
 #include "client/scenario/scenario_world.h"
 #include "tests/bench/step_timing.h"
 #include "server/gl/software_renderer.h"
-#include "server/paper/paper_settings.h"
 #include "server/sample/egl_sampler.h"
 #include "server/sample/embree_sampler.h"
 #include "tests/bench/speed/grid_city.h"
+#include "tests/bench/speed/map_agreement.h"
 #include "tests/bench/speed/peers.h"
+#include "tests/bench/speed/plain_settings.h"
 #include "tests/bench/speed/timed_steps.h"
 
 namespace sightline::bench {
@@ -31,17 +32,6 @@ struct Bench {
   int frames(int full) const { return TimedSteps::kWarmUpFrames + (quick ? std::max(20, full / 20) : full); }
 };
 
-// One point for each target, and the nearest visible candidate: the question that the peers' rays answer.
-StepSettings plain(int resolution, int candidates, int points = 0) {
-  StepSettings settings = paper_row(Strategy::kBasic, 0.0);
-  settings.aggregate.volume = Volume::kLattice;
-  settings.bound = {};  // the horizon, not n dt^2 a, which explodes with a late tick
-  settings.sample.resolution = resolution;
-  settings.sample.points = points;
-  settings.aggregate.candidates = candidates;
-  return settings;
-}
-
 StepSettings with_defaults(int resolution, int candidates) {
   StepSettings settings = preset_settings(Preset::kSightline);
   settings.sample.resolution = resolution;
@@ -49,22 +39,10 @@ StepSettings with_defaults(int resolution, int candidates) {
   return settings;
 }
 
-// Returns the share of a peer's answers that the step just taken gives too. Bit t of counts[k] says whether candidate k counts for target t.
-double agreement(const std::vector<uint32_t>& seen, const std::vector<uint32_t>& counts, const StepDump& dump, size_t targets) {
-  size_t same = 0, all = 0;
-  for (size_t k = 0; k < seen.size(); ++k)
-    for (size_t t = 0; t < targets; ++t)
-      if ((counts[k] >> t & 1u) != 0) {
-        same += ((seen[k] ^ dump.sights.candidates.visible_targets[k]) >> t & 1u) == 0;
-        ++all;
-      }
-  return static_cast<double>(same) / static_cast<double>(std::max<size_t>(1, all));
-}
-
 // Rays from the targets' aim points to the candidates of the step that was just taken.
 class TimedRays {
  public:
-  TimedRays(std::string name, std::unique_ptr<RayPeer> peer) : peer_(std::move(peer)) {
+  TimedRays(std::string name, std::unique_ptr<RayPeer> peer) : peer_(std::move(peer)), agreement_(*peer_) {
     track.name = std::move(name);
   }
 
@@ -81,59 +59,18 @@ class TimedRays {
     if (!keep) return;
     track.total_ms.push_back(took_ms);
     track.candidates = seen_.size();
-    const auto frames = static_cast<double>(track.total_ms.size());
-    find_clear_of_surfaces(place_m_);
-    agreements_ += agreement(seen_, clear_, dump, targets.size());
-    track.agreement = agreements_ / frames;
-    agreements_on_rays_ += agreement_on_rays(dump);
-    track.agreement_on_rays = agreements_on_rays_ / frames;
+    agreement_.add(dump, from_, place_m_, seen_);
+    track.agreement = agreement_.share();
+    track.agreement_on_rays = agreement_.share_on_rays();
   }
   Track track;
 
  private:
-  // Finds which rays answer the same when they end 1 cm before or beyond the place. A place on a surface, as a layer of the lattice is in level
-  // ground, is neither hidden nor visible: rounding decides.
-  void find_clear_of_surfaces(const std::vector<glm::dvec3>& place_m) {
-    clear_.assign(place_m.size(), 0);
-    for (size_t t = 0; t < from_.size(); ++t) clear_of_surfaces(place_m, t);
-  }
-  void clear_of_surfaces(const std::vector<glm::dvec3>& place_m, size_t t) {
-    constexpr double kMargin_m = 0.01;
-    for (const double beyond_m : {-kMargin_m, kMargin_m}) {
-      moved_m_ = place_m;
-      for (glm::dvec3& moved_m : moved_m_) moved_m += beyond_m * glm::normalize(moved_m - from_[t].aim_m);
-      peer_->look(std::span(&from_[t], 1), moved_m_, beyond_m < 0 ? before_ : behind_);
-    }
-    for (size_t k = 0; k < clear_.size(); ++k) clear_[k] |= static_cast<uint32_t>(before_[k] == behind_[k]) << t;
-  }
-
-  // The same at places that are moved onto the map's nearest ray, at their distance. There the map has no error of resolution.
-  double agreement_on_rays(const StepDump& dump) {
-    std::vector<uint32_t> on_ray_seen(place_m_.size(), 0);
-    std::vector<glm::dvec3> on_ray_m = place_m_;
-    clear_.assign(place_m_.size(), 0);
-    for (size_t t = 0; t < from_.size(); ++t) {
-      const MapRange& maps = dump.plan.now.maps_of_point[dump.plan.now.points_of_target[t].first];
-      if (maps.count != 1) continue;
-      const MapView& view = dump.plan.views[maps.first];
-      for (size_t k = 0; k < place_m_.size(); ++k) {
-        const MapPoint at = project(view, place_m_[k]);
-        const glm::dvec3 direction =
-            texel_direction(view, nearest_ray(at.x, view.jitter.x, view.width), nearest_ray(at.y, view.jitter.y, view.height));
-        on_ray_m[k] = view.eye_m + glm::distance(place_m_[k], view.eye_m) * glm::normalize(direction);
-      }
-      peer_->look(std::span(&from_[t], 1), on_ray_m, on_ray_);
-      for (size_t k = 0; k < place_m_.size(); ++k) on_ray_seen[k] |= on_ray_[k] << t;
-      clear_of_surfaces(on_ray_m, t);
-    }
-    return agreement(on_ray_seen, clear_, dump, from_.size());
-  }
-
   std::unique_ptr<RayPeer> peer_;
   std::vector<SeenFrom> from_;
-  std::vector<glm::dvec3> place_m_, moved_m_;
-  std::vector<uint32_t> seen_, before_, behind_, clear_, on_ray_;
-  double agreements_ = 0, agreements_on_rays_ = 0;
+  std::vector<glm::dvec3> place_m_;
+  std::vector<uint32_t> seen_;
+  MapAgreement agreement_;
 };
 
 class TimedDrawing {
@@ -183,7 +120,7 @@ void run_peers(Bench& bench) {
     const TimedScene scene{mirror, world->targets(), city.tables, scenario.lens()};
     std::vector<std::unique_ptr<TimedSteps>> steps, defaults;
     for (const auto& device : bench.devices) {
-      steps.push_back(std::make_unique<TimedSteps>(device->kind(), scene, plain(r, r * r * r), *device));
+      steps.push_back(std::make_unique<TimedSteps>(device->kind(), scene, plain_settings(r, r * r * r), *device));
       if (r <= 15)
         defaults.push_back(std::make_unique<TimedSteps>(device->kind() + " default", scene,
                                                         with_defaults(r, r * r * r), *device));
@@ -266,7 +203,7 @@ class GridRun {
 void run_growth(Bench& bench, const std::string& section,
                 const std::vector<std::pair<double, GridCityOptions>>& cities) {
   constexpr int kTurn = 20;
-  const NamedSettings settings = {{"", plain(7, 343)}, {"default", with_defaults(7, 343)}};
+  const NamedSettings settings = {{"", plain_settings(7, 343)}, {"default", with_defaults(7, 343)}};
   const int frames = bench.frames(300);
   for (const auto& [x, options] : cities) {
     GridRun least(bench, cities.front().second, settings, true);
@@ -295,7 +232,7 @@ void run_alone(Bench& bench) {
     for (const auto& device : bench.devices) {
       const auto world = city.make_world();
       TimedSteps steps(device->kind(), {world->mirror(), world->targets(), city.tables, scenario.lens()},
-                       plain(r, r * r * r), *device);
+                       plain_settings(r, r * r * r), *device);
       steps.place(scenario.camera());
       const int frames = std::min(bench.frames(1100), static_cast<int>(scenario.duration_s() * 60));
       for (int frame = 0; frame < frames; ++frame) {
@@ -307,7 +244,7 @@ void run_alone(Bench& bench) {
 }
 
 void run_wide(Bench& bench) {
-  GridRun run(bench, {.targets = 8}, {{"8 points", plain(16, 4096, 8)}, {"default", with_defaults(16, 4096)}},
+  GridRun run(bench, {.targets = 8}, {{"8 points", plain_settings(16, 4096, 8)}, {"default", with_defaults(16, 4096)}},
               false);
   run.advance(bench.frames(300));
   run.write(bench, "wide", 4096);
