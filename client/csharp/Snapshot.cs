@@ -53,13 +53,16 @@ internal sealed class Snapshot {
 
     /// <summary>The shot as it was asked for last, from where it is now.</summary>
     void GoOnWithShot(OpenSession request) {
+        if (request.Shot != null) {
+            request.Shot.Cut = false;
+            request.Shot.BlendS = 0;
+        }
         if (kept == null || !(kept.Distance.Asked > 0)) return;
         var shot = request.Shot ??= new Shot();
-        shot.Cut = false;
-        shot.BlendS = 0;
-        shot.SideRad = kept.Side.Asked;
-        shot.HeightRad = kept.Height.Asked;
-        if (shot.FarCase != Shot.FarOneofCase.Size) shot.Distance = kept.Distance.Asked;
+        if (!shot.HasSideRad || shot.OrbitRadps != 0) shot.SideRad = kept.Side.Asked;
+        if (!shot.HasHeightRad) shot.HeightRad = kept.Height.Asked;
+        if (shot.FarCase == Shot.FarOneofCase.None) shot.Distance = kept.Distance.Asked;
+        if (shot.Places.Count == 0 && (kept.PlaceX != 0 || kept.PlaceY != 0)) shot.Places.Add(new Shot.Types.Place { X = kept.PlaceX, Y = kept.PlaceY });
     }
 
     /// <summary>The ticks that follow the opening; they get no replies of their own. Empty before the first reply.</summary>

@@ -61,6 +61,9 @@ func (s *snapshot) opening() *v1.OpenSession {
 
 // goOnWithShot asks for the shot as it was asked for last, from where it is now.
 func (s *snapshot) goOnWithShot(request *v1.OpenSession) {
+	if request.Shot != nil {
+		request.Shot.Cut, request.Shot.BlendS = false, 0
+	}
 	if s.kept.GetDistance().GetAsked() <= 0 {
 		return
 	}
@@ -68,10 +71,17 @@ func (s *snapshot) goOnWithShot(request *v1.OpenSession) {
 		request.Shot = &v1.Shot{}
 	}
 	shot := request.Shot
-	shot.Cut, shot.BlendS = false, 0
-	shot.SideRad, shot.HeightRad = proto.Float64(s.kept.GetSide().GetAsked()), proto.Float64(s.kept.GetHeight().GetAsked())
-	if _, bySize := shot.Far.(*v1.Shot_Size); !bySize {
+	if shot.SideRad == nil || shot.OrbitRadps != 0 {
+		shot.SideRad = proto.Float64(s.kept.GetSide().GetAsked())
+	}
+	if shot.HeightRad == nil {
+		shot.HeightRad = proto.Float64(s.kept.GetHeight().GetAsked())
+	}
+	if shot.Far == nil {
 		shot.Far = &v1.Shot_Distance{Distance: s.kept.GetDistance().GetAsked()}
+	}
+	if len(shot.Places) == 0 && (s.kept.GetPlaceX() != 0 || s.kept.GetPlaceY() != 0) {
+		shot.Places = []*v1.Shot_Place{{X: s.kept.GetPlaceX(), Y: s.kept.GetPlaceY()}}
 	}
 }
 

@@ -22,20 +22,24 @@ glm::dvec3 right_of(const glm::dvec3& forward) {
   return {-forward.z, 0, forward.x};
 }
 
-// The bodies as a camera sees them that looks along -`direction` at the centre: upright boxes in planes at right angles to its view.
+// The bodies as a camera sees them: the lower and the upper end of each, as boxes in planes at right angles to its view.
 class SubjectBoxes {
  public:
-  SubjectBoxes(std::span<const TrackedTarget> subjects, const glm::dvec3& center_m, const glm::dvec3& direction) {
-    const glm::dvec3 level(direction.x, 0, direction.z);
-    const glm::dvec3 right = glm::length(level) > kVertical ? glm::normalize(glm::cross(glm::dvec3(0, 1, 0), level)) : glm::dvec3(1, 0, 0);
+  SubjectBoxes(std::span<const TrackedTarget> subjects, const glm::dvec3& center_m, const PlaceInFrame& place, double frame_yaw_rad) {
+    const glm::dvec3 direction = offset_in_frame({place.side_rad, place.height_rad, 1.0}, frame_yaw_rad);
+    const glm::dvec3 right = glm::cross(glm::dvec3(0, 1, 0), offset_in_frame({place.side_rad, 0.0, 1.0}, frame_yaw_rad));
     const glm::dvec3 up = glm::cross(direction, right);
+    const auto add = [&](const glm::dvec3& at_m, double aside_m, double above_m) {
+      const double x_m = glm::dot(at_m, right), y_m = glm::dot(at_m, up);
+      boxes_.push_back({x_m - aside_m, x_m + aside_m, y_m - above_m, y_m + above_m, glm::dot(at_m, direction)});
+    };
     for (const TrackedTarget& subject : subjects) {
       const glm::dvec3 at_m = subject.aim_m - center_m;
-      const bool stands = subject.has_body();
-      const double aside_m = stands ? subject.aside_m : subject.radius_m, lean_m = aside_m * std::abs(direction.y);
-      const double below_m = stands ? subject.low_m * std::abs(up.y) + lean_m : aside_m, above_m = stands ? subject.high_m * std::abs(up.y) + lean_m : aside_m;
-      const double x_m = glm::dot(at_m, right), y_m = glm::dot(at_m, up);
-      boxes_.push_back({x_m - aside_m, x_m + aside_m, y_m - below_m, y_m + above_m, glm::dot(at_m, direction)});
+      if (!subject.has_body()) {
+        add(at_m, subject.radius_m, subject.radius_m);
+        continue;
+      }
+      for (const double end_m : {-subject.low_m, subject.high_m}) add(at_m + glm::dvec3(0, end_m, 0), subject.aside_m, subject.aside_m * std::abs(direction.y));
     }
   }
   // Of the box nearest to the camera, from the centre towards it.
@@ -59,7 +63,7 @@ class SubjectBoxes {
   struct Box {
     double left_m = 0, right_m = 0, low_m = 0, high_m = 0, towards_m = 0;
   };
-  InlineVector<Box, kMaxTargets> boxes_;
+  InlineVector<Box, 2 * kMaxTargets> boxes_;
 };
 
 }  // namespace
@@ -96,8 +100,9 @@ PlaceInFrame blend(const PlaceInFrame& from, const PlaceInFrame& to, double shar
   return between;
 }
 
-double distance_for_size_m(double size, std::span<const TrackedTarget> subjects, const glm::dvec3& center_m, const glm::dvec3& direction, const Lens& lens) {
-  const SubjectBoxes boxes(subjects, center_m, direction);
+double distance_for_size_m(double size, std::span<const TrackedTarget> subjects, const glm::dvec3& center_m, const PlaceInFrame& place, double frame_yaw_rad,
+                           const Lens& lens) {
+  const SubjectBoxes boxes(subjects, center_m, place, frame_yaw_rad);
   // The size falls with the distance.
   double near_m = std::max(boxes.nearest_m(), 0.0) + kNearestM, far_m = near_m + 1;
   while (boxes.size_from(far_m, lens) > size && far_m < kFarthestM) far_m *= 2;

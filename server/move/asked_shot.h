@@ -36,6 +36,7 @@ struct AskedShot {
   double orbit_radps = 0.0;
   std::optional<double> distance_m, size;  // at most one of them
   std::vector<PicturePlace> places;
+  double weight = 1.0;     // factor of MoveSettings::keep_shot, [0, 10]
   double tolerance = 1.0;  // how wide the free bands of its properties are (picture_worth.h), [0, 3]
   bool cut = false;
   double blend_s = 0.0;
@@ -54,8 +55,9 @@ PlaceInFrame place_in_frame(const glm::dvec3& offset_m, double frame_yaw_rad);
 // From `from` (share 0) to `to` (share 1) along the shorter way round. The share is eased: the way begins and ends gently.
 PlaceInFrame blend(const PlaceInFrame& from, const PlaceInFrame& to, double share);
 
-// The distance from `center_m`, towards `direction` (of unit length), from which the bodies of these subjects have this size in the picture:
+// The distance from `center_m`, at the angles of `place` in a frame of this yaw, from which the bodies of these subjects have this size in the picture:
 // the greater of their height and their width, each as a share of the picture's. At least one subject.
-double distance_for_size_m(double size, std::span<const TrackedTarget> subjects, const glm::dvec3& center_m, const glm::dvec3& direction, const Lens& lens);
+double distance_for_size_m(double size, std::span<const TrackedTarget> subjects, const glm::dvec3& center_m, const PlaceInFrame& place, double frame_yaw_rad,
+                           const Lens& lens);
 
 }  // namespace sightline

@@ -127,16 +127,12 @@ BrokenLimits broken_limits(const glm::dvec3& place_m, std::span<const TrackedTar
   return broken;
 }
 
-Choice choice_of(uint32_t candidate, const CandidateSet& candidates, std::span<const TrackedTarget> targets,
-                 const glm::dvec3& desired_m) {
+Choice choice_of(uint32_t candidate, const CandidateSet& candidates, std::span<const TrackedTarget> targets) {
   const uint32_t steered = steered_mask(targets);
   if (steered == 0) return {MoveStatus::kHolding, MoveReason::kNoTargets, -1};
-  const auto index = static_cast<int>(candidate);
   const uint32_t seen = candidates.filtered()[candidate] & steered;
-  if (seen == 0) return {MoveStatus::kEscaping, MoveReason::kHorizonGrown, index};
-  if (seen != steered) return {MoveStatus::kPartial, MoveReason::kBestPartial, index};
-  const bool desired = glm::distance(candidates.position_m[candidate], desired_m) < 1e-6;
-  return {MoveStatus::kTracking, desired ? MoveReason::kAtDesiredPlace : MoveReason::kBestAllVisible, index};
+  const MoveStatus status = seen == 0 ? MoveStatus::kEscaping : seen == steered ? MoveStatus::kTracking : MoveStatus::kPartial;
+  return {status, MoveReason::kBestSoon, static_cast<int>(candidate)};
 }
 
 }  // namespace sightline

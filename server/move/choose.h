@@ -65,9 +65,8 @@ struct Choice {
 // The steered targets: bit i is target i.
 uint32_t steered_mask(std::span<const TrackedTarget> targets);
 
-// Status and reason of going to this candidate. For strategies whose cost includes what is hidden. Without targets the result
+// The status of going to this candidate, by what is seen from it. The reason is left to reason_of (decision.h). Without targets the result
 // is kHolding.
-Choice choice_of(uint32_t candidate, const CandidateSet& candidates, std::span<const TrackedTarget> targets,
-                 const glm::dvec3& desired_m);
+Choice choice_of(uint32_t candidate, const CandidateSet& candidates, std::span<const TrackedTarget> targets);
 
 }  // namespace sightline

@@ -2,6 +2,30 @@
 
 namespace sightline {
 
+MoveReason reason_of(FlightCourse course, const WhatIsSeen& seen) {
+  const bool all = seen.from_goal == seen.steered;
+  switch (course) {
+    case FlightCourse::kStay:
+      return MoveReason::kStays;
+    case FlightCourse::kToView:
+      return MoveReason::kNearestView;
+    case FlightCourse::kTrail:
+      return MoveReason::kOnTrail;
+    case FlightCourse::kApproach:
+      return MoveReason::kHorizonGrown;
+    case FlightCourse::kFarWay:
+      return MoveReason::kFarWay;
+    case FlightCourse::kToShot:
+      return MoveReason::kFarViewpoint;
+    case FlightCourse::kFollow:
+      if (all) return seen.other_shot ? MoveReason::kOtherShot : MoveReason::kAtDesiredPlace;
+      break;
+    case FlightCourse::kPlan:
+      if (all) return MoveReason::kBestAllVisible;
+  }
+  return seen.from_goal != 0 && !seen.somewhere_all ? MoveReason::kBestPartial : MoveReason::kBestSoon;
+}
+
 std::string_view explain(MoveReason reason) {
   switch (reason) {
     case MoveReason::kAtDesiredPlace:
@@ -17,7 +41,17 @@ std::string_view explain(MoveReason reason) {
     case MoveReason::kOnTrail:
       return "no position in reach sees any target; following the targets' path";
     case MoveReason::kFarViewpoint:
-      return "targets have been hidden for seconds; going to a viewpoint farther away that sees more of them";
+      return "targets are hidden or will be soon; going to a viewpoint farther away that sees more of them";
+    case MoveReason::kOtherShot:
+      return "the targets are seen better from another side than the asked one; all of them are visible from there";
+    case MoveReason::kBestSoon:
+      return "going where the targets are expected to be seen best over the coming second";
+    case MoveReason::kStays:
+      return "the targets are expected to be seen from here as well as from anywhere in reach; staying";
+    case MoveReason::kNearestView:
+      return "nothing is seen along the plan; going to the nearest position that sees a part of a target";
+    case MoveReason::kFarWay:
+      return "no target has been seen for a while; going through the level to the nearest one";
     case MoveReason::kNoTargets:
       return "no target has a weight";
     case MoveReason::kPaused:
@@ -70,6 +104,16 @@ std::string_view to_string(MoveReason reason) {
       return "on_trail";
     case MoveReason::kFarViewpoint:
       return "far_viewpoint";
+    case MoveReason::kOtherShot:
+      return "other_shot";
+    case MoveReason::kBestSoon:
+      return "best_soon";
+    case MoveReason::kStays:
+      return "stays";
+    case MoveReason::kNearestView:
+      return "nearest_view";
+    case MoveReason::kFarWay:
+      return "far_way";
     case MoveReason::kNoTargets:
       return "no_targets";
     case MoveReason::kPaused:

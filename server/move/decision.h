@@ -1,6 +1,7 @@
 // The reason of the move stage's decision and the status of the camera's search for a view, as enums and as text.
 #pragma once
 
+#include <cstdint>
 #include <string_view>
 
 namespace sightline {
@@ -33,6 +34,11 @@ enum class MoveReason {
   kHorizonGrown,
   kOnTrail,
   kFarViewpoint,
+  kOtherShot,
+  kBestSoon,
+  kStays,
+  kNearestView,
+  kFarWay,
   kNoTargets,
   kPaused,
   kBlockedByGeometry,
@@ -40,6 +46,26 @@ enum class MoveReason {
   kObservedCut,
   kCut,
 };
+
+// The courses of a camera with a flight plan (step/goal_search.cpp).
+enum class FlightCourse {
+  kFollow,    // to the desired position
+  kStay,      // where it is
+  kPlan,      // along the flight plan
+  kToView,    // no place on the plan sees a target: to the nearest one that does
+  kTrail,     // none in reach does: the way that the targets went
+  kApproach,  // and no trail is known: nearer to the desired position
+  kFarWay,    // blind for long: through the level to the nearest target
+  kToShot,    // through a time of less sight to the wanted shot
+};
+struct WhatIsSeen {
+  uint32_t from_goal = 0;     // the targets that the goal's candidate sees, one bit each
+  uint32_t steered = 0;       // all that count
+  bool somewhere_all = false;  // some candidate sees all of them
+  bool other_shot = false;    // the wanted shot is not the client's own
+};
+// The reason that is true of a course.
+MoveReason reason_of(FlightCourse course, const WhatIsSeen& seen);
 
 // The reason as one sentence: "no position in reach sees all targets; going to the best partial view".
 std::string_view explain(MoveReason reason);

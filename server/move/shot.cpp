@@ -31,7 +31,7 @@ struct SharesAt {
 class ShotCosts {
  public:
   ShotCosts(const ViewpointMap& viewpoints, std::span<const TrackedTarget> targets, const ShotWish& wish, const MoveSettings& settings)
-      : viewpoints_(viewpoints), targets_(targets), settings_(settings), asked_m_(wish.asked_m), subjects_m_(wish.subjects_m), tolerance_(wish.tolerance),
+      : viewpoints_(viewpoints), targets_(targets), settings_(settings), asked_m_(wish.asked_m), subjects_m_(wish.subjects_m), tolerance_(wish.tolerance), keep_shot_(settings.keep_shot * wish.weight),
         asked_(shot_from(wish.asked_m - wish.subjects_m, kAnyFovRad)), present_(shot_from(wish.present_m - wish.subjects_m, kAnyFovRad)) {}
 
   double sight_loss(size_t place) const {
@@ -41,7 +41,7 @@ class ShotCosts {
   double shot_cost(size_t place) const {
     const glm::dvec3 offset_m = viewpoints_.offset_m(place);
     const ShotProperties shot = shot_from(offset_m - subjects_m_, kAnyFovRad);
-    return settings_.keep_shot * (kAside * glm::distance(offset_m, asked_m_) / glm::length(asked_m_) +
+    return keep_shot_ * (kAside * glm::distance(offset_m, asked_m_) / glm::length(asked_m_) +
                                   shot_loss(deviation_between(asked_, shot, tolerance_), settings_.shot) +
                                   kChange * shot_loss(deviation_between(present_, shot, tolerance_), settings_.shot));
   }
@@ -51,7 +51,7 @@ class ShotCosts {
   const std::span<const TrackedTarget> targets_;
   const MoveSettings& settings_;
   const glm::dvec3 asked_m_, subjects_m_;
-  const double tolerance_;
+  const double tolerance_, keep_shot_;
   const ShotProperties asked_, present_;
 };
 

@@ -23,6 +23,7 @@ struct ShotWish {
   glm::dvec3 asked_m{0.0};    // the client's shot: offset from the targets' centre to the camera, world axes; not zero
   glm::dvec3 present_m{0.0};  // that of the camera as it is; not zero
   glm::dvec3 subjects_m{0.0};  // from the targets' centre to the point from which side, height and size are measured
+  double weight = 1.0;        // factor of MoveSettings::keep_shot
   double tolerance = 1.0;     // how wide the free bands are (picture_worth.h)
   size_t asked_place = 0;     // the viewpoint that is nearest to the client's shot
   size_t former_place = 0;    // the viewpoint that was chosen before

@@ -43,15 +43,15 @@ struct StateFields {
   }
   template <typename A, SameAs<WantedShot> T>
   static void each(A& archive, T& shot) {
-    auto& [is_set, target_set, offset, asked_offset, frame, subjects, tolerance, place, up_yaw, cut_s, at_asked, asked_viewpoint, asked_seen_s, viewpoint, in_line, line_end,
+    auto& [is_set, target_set, offset, asked_offset, asked, frame, subjects, weight, tolerance, place, up_yaw, cut_s, at_asked, asked_viewpoint, asked_seen_s, viewpoint, in_line, line_end,
            line_closed_s, all_kept_s] = shot;
-    archive(is_set, target_set, offset, asked_offset, frame, subjects, tolerance, place, up_yaw, cut_s, at_asked, asked_viewpoint, asked_seen_s, viewpoint, in_line, line_end,
+    archive(is_set, target_set, offset, asked_offset, asked, frame, subjects, weight, tolerance, place, up_yaw, cut_s, at_asked, asked_viewpoint, asked_seen_s, viewpoint, in_line, line_end,
             line_closed_s, all_kept_s);
   }
   template <typename A, SameAs<ShotFrameState> T>
   static void each(A& archive, T& frame) {
-    auto& [number, yaw, age, from, to] = frame;
-    archive(number, yaw, age, from, to);
+    auto& [number, yaw, age, from, to, now, travels_id] = frame;
+    archive(number, yaw, age, from, to, now, travels_id);
   }
   template <typename A, SameAs<PlaceInFrame> T>
   static void each(A& archive, T& place) {

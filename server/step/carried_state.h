@@ -38,6 +38,8 @@ struct ShotFrameState {
   double yaw_rad = 0.0;     // of the frame
   double age_s = 0.0;       // since the shot began
   PlaceInFrame from, to;    // the blend leads from the one to the other
+  PlaceInFrame now;         // the wanted place at the last step
+  uint64_t travels_id = 0;  // FRAME_TRAVEL: the instance whose direction it is
 };
 
 // What is seen of a target from the asked place, lately.
@@ -53,9 +55,10 @@ struct WantedShot {
   uint64_t target_set = 0;         // hash over the ids of the steered targets to which the shot belongs
   glm::dvec3 offset_m{0.0};        // from the targets' centre to the camera, world axes
   glm::dvec3 asked_offset_m{0.0};  // the same for the client's shot, before any search for a better one
+  glm::dvec3 asked_m{0.0};         // the place of the client's shot at the last step, world
   ShotFrameState frame;            // of the client's shot; it counts only if it has sent one
   glm::dvec3 subjects_m{0.0};      // from the targets' centre to the middle of the shot's subjects, from which its side, height and size are measured
-  double tolerance = 1.0;          // AskedShot::tolerance
+  double weight = 1.0, tolerance = 1.0;  // as in AskedShot
   std::optional<glm::dvec2> place; // of the targets in the first picture, if they are to stay there
   double up_yaw_rad = 0.0;         // yaw of the picture while the camera looks down from right above
   double cut_s = 0.0;              // the camera may cut to the shot for this time

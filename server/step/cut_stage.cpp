@@ -34,7 +34,7 @@ uint32_t required_mask(const StepContext& step) {
 
 bool is_due(const StepContext& step, const CutState& state, bool target_jumped, bool is_asked) {
   const double after_s = step.input.settings.move.cut_after_s;
-  if (is_asked) return step.move_s > 0 && step.targets.steered != 0;
+  if (is_asked) return step.move_s > 0 && step.targets.steered != 0 && step.input.settings.move.follow == Follow::kOffset;
   return after_s > 0 && step.move_s > 0 && required_mask(step) != 0 && state.since_s >= kLeastBetweenS &&
          (target_jumped || state.unseen_s >= after_s);
 }
@@ -137,10 +137,16 @@ uint32_t seen_from(const StepContext& step, const TakenMaps& taken, const CutPla
   return seen;
 }
 
-double required_weight(const StepContext& step, uint32_t seen) {
+// The required targets, or all if none is required.
+uint32_t wanted_mask(const StepContext& step) {
+  const uint32_t required = required_mask(step);
+  return required != 0 ? required : step.targets.steered;
+}
+
+double wanted_weight(const StepContext& step, uint32_t seen) {
   double weight = 0;
   for (size_t i = 0; i < step.target_count(); ++i)
-    if (is_required(step, i) && (seen >> i & 1u)) weight += step.targets.tracked_targets[i].weight;
+    if (wanted_mask(step) & seen & 1u << i) weight += step.targets.tracked_targets[i].weight;
   return weight;
 }
 
@@ -209,13 +215,13 @@ const CutPlace* choose_cut(const MoveInput& in, const TakenMaps& taken, bool tar
   const double to_view_m = target_jumped ? glm::distance(in.step.camera.pose.position_m, in.desired_m)
                                          : way_m(in, decision, scratch);
   if (!is_asked && to_view_m <= in.step.input.settings.move.cut_beyond_m) return nullptr;
-  const uint32_t required = required_mask(in.step);
+  const uint32_t wanted = wanted_mask(in.step);
   const CutPlace* best = nullptr;
   double most_seen = 0;
   for (const CutPlace& place : plan.places) {
     const uint32_t seen = seen_from(in.step, taken, place);
-    if ((seen & required) == required) return &place;
-    if (const double weight = required_weight(in.step, seen); weight > most_seen) most_seen = weight, best = &place;
+    if ((seen & wanted) == wanted) return &place;
+    if (const double weight = wanted_weight(in.step, seen); weight > most_seen) most_seen = weight, best = &place;
   }
   if (best && state.takes_partial && most_seen >= state.most_seen) return best;
   state.most_seen = std::max(state.most_seen, most_seen);
@@ -230,7 +236,7 @@ void cut_to(const MoveInput& in, const TakenMaps& taken, const CutPlace& place, 
   const FramingSettings& framing = step.input.settings.framing;
   const glm::dvec3 to_center_m = step.center_m() - place.position_m;
   const ViewAngles at_center = angles_from_rotation(look_rotation(to_center_m, {0, 1, 0}, {1, 0, 0}));
-  const Aim aim = aim_at(place.position_m, step.targets.tracked_targets, at_center, step.lens, framing, yaw_from_above(step, shot, place.position_m));
+  const Aim aim = aim_with_shot(step, shot, place.position_m, at_center);
   decision = {};
   decision.cut = true;
   const bool sees_all = (seen_from(step, taken, place) & step.targets.steered) == step.targets.steered;
@@ -245,15 +251,17 @@ void cut_to(const MoveInput& in, const TakenMaps& taken, const CutPlace& place, 
   if (in.plan.look.searches && place.viewpoint) shot.viewpoint = place.viewpoint;
 }
 
-void note_sights(const StepContext& step, const StepResult& result, bool target_jumped, CutState& state) {
+void note_sights(const StepContext& step, const StepResult& result, bool target_jumped, bool is_asked, CutState& state) {
   bool seen = required_mask(step) == 0;
   for (size_t i = 0; i < step.target_count(); ++i)
     seen |= is_required(step, i) && result.targets[i].visible_share > 0 && result.targets[i].in_picture;
   state.since_s += step.move_s;
   state.unseen_s += step.move_s;
-  if (seen) state.unseen_s = 0.0, state.next_rank = 0, state.most_seen = 0.0, state.takes_partial = false;
+  if (seen) state.unseen_s = 0.0;
+  // Places are examined on from where the last step ended, while a cut is asked for.
+  if (seen && !is_asked) state.next_rank = 0, state.most_seen = 0.0, state.takes_partial = false;
   // A target that jumped out of sight is lost at once.
-  else if (target_jumped)
+  if (!seen && target_jumped)
     state.unseen_s = std::max(state.unseen_s, step.input.settings.move.cut_after_s);
 }
 

@@ -88,7 +88,7 @@ class PlanPricer {
     occlusion_ = weights_.occlusion * factor, tolerance_ = weights_.tolerance / factor, distance_ = weights_.distance / (factor * factor);
     const double kept_share = in.step.input.settings.move.viewpoint_search.keep_shot_below;
     const MoveSettings& settings = in.step.input.settings.move;
-    shot_ = weights_.occlusion * settings.keep_shot;
+    shot_ = weights_.occlusion * settings.keep_shot * in.carried.shot.weight;
     const glm::dvec3 asked_m = framed_offset_m(in.step, in.carried.shot.in_line_m.value_or(in.carried.shot.asked_offset_m)) - in.carried.shot.subjects_m;
     if (settings.follow == Follow::kOffset && shot_ > 0 && glm::length(asked_m) > kHereM) asked_m_ = asked_m;
     if (targets_stand(in.step)) tolerance_ = std::max(tolerance_, picture_loss(kept_share, count_));
@@ -251,10 +251,17 @@ class GoalSearch {
     if (in_.sights.hidden[in_.sights.own_candidate] < kAllHidden) return true;
     return std::ranges::any_of(plan.candidates, [&](uint32_t candidate) { return in_.sights.hidden[candidate] < kAllHidden; });
   }
-  Goal goal_at(size_t candidate, const glm::dvec3& position_m) const {
-    return {.choice = choice_of(static_cast<uint32_t>(candidate), in_.sights.candidates, in_.step.targets.tracked_targets, in_.desired_m),
-            .position_m = position_m};
+  Goal goal_at(size_t candidate, const glm::dvec3& position_m, FlightCourse course) const {
+    Goal goal{.choice = choice_of(static_cast<uint32_t>(candidate), in_.sights.candidates, in_.step.targets.tracked_targets), .position_m = position_m};
+    const uint32_t steered = in_.step.targets.steered;
+    const WantedShot& shot = in_.carried.shot;
+    goal.choice.reason = reason_of(course, {.from_goal = in_.sights.candidates.filtered()[candidate] & steered,
+                                            .steered = steered,
+                                            .somewhere_all = in_.sights.counts.all_visible > 0,
+                                            .other_shot = shot.other_viewpoint() || shot.in_line_m});
+    return goal;
   }
+  static Choice choice_for(MoveStatus status, FlightCourse course) { return {status, reason_of(course, {}), -1}; }
 
   // ---- following the desired position ----
 
@@ -270,7 +277,7 @@ class GoalSearch {
     return part_of_way_m(target_m, settings_.speed_mps * time_s) + group_velocity_mps(in_.step) * time_s;
   }
   Goal follow_desired(const Pace& pace) {
-    Goal goal = goal_at(desired_candidate(), following_m(kGoalS));
+    Goal goal = goal_at(desired_candidate(), following_m(kGoalS), FlightCourse::kFollow);
     goal.follows = true;
     const bool is_far = glm::length(behind_m()) > in_.carried.candidates.lattice.spacing_m();
     for (size_t k = 1; is_far && k < kSlices; ++k)  // the cells on the way
@@ -288,7 +295,7 @@ class GoalSearch {
     return cost_of_path(planner_, ahead(), settings_, in_.bound, [&](double) { return eye_m(); });
   }
   Goal stay_here() {
-    Goal goal = goal_at(in_.sights.own_candidate, eye_m());
+    Goal goal = goal_at(in_.sights.own_candidate, eye_m(), FlightCourse::kStay);
     goal.velocity_mps = velocity_along(in_.step, {eye_m(), 0}, glm::dvec3(0.0));
     return goal;
   }
@@ -299,7 +306,7 @@ class GoalSearch {
     scratch_.way = plan.candidates;
     glm::dvec3 to_m = plan.at(kGoalS);
     if (in_.carried.goal_m) to_m = glm::mix(to_m, *in_.carried.goal_m, std::exp(-in_.step.move_s / kCalmS));
-    Goal goal = goal_at(plan.candidates.back(), to_m);
+    Goal goal = goal_at(plan.candidates.back(), to_m, FlightCourse::kPlan);
     for (size_t k = 0; k < plan.point_m.size(); ++k) goal.plan_m.push_back({plan.at_s[k], plan.point_m[k]});
     goal.velocity_mps = steer_velocity(in_.step.camera, velocity_of(plan, to_m), in_.step.input.limits, response_s(), in_.step.move_s);
     return goal;
@@ -371,7 +378,7 @@ class GoalSearch {
     if (!view) return escape(plan);
     scratch_.way = scratch_.routes.to(*view);
     const Leg leg = first_leg(in_, scratch_.way, body_m(in_));
-    Goal goal = goal_at(*view, part_of_way_m(leg.to_m, settings_.speed_mps * kGoalS));
+    Goal goal = goal_at(*view, part_of_way_m(leg.to_m, settings_.speed_mps * kGoalS), FlightCourse::kToView);
     goal.searches = true;
     goal.velocity_mps = velocity_along(in_.step, leg, glm::dvec3(0.0));
     return goal;
@@ -397,12 +404,13 @@ class GoalSearch {
   Goal escape(const FlightPlan& plan) {
     const auto leg = leg_to_trail(in_, body_m(in_), scratch_.trail_colliders);
     Goal goal = leg ? follow_trail(*leg) : approach(plan);
+    if (!leg) goal.choice.reason = reason_of(FlightCourse::kApproach, {});
     goal.lost = goal.searches = true;
     return goal;
   }
   Goal follow_trail(const Leg& leg) {
     scratch_.way.clear();
-    return {.choice = {MoveStatus::kEscaping, MoveReason::kOnTrail, -1},
+    return {.choice = choice_for(MoveStatus::kEscaping, FlightCourse::kTrail),
             .position_m = part_of_way_m(leg.to_m, settings_.speed_mps * kGoalS),
             .velocity_mps = velocity_along(in_.step, leg, glm::dvec3(0.0))};
   }
@@ -481,10 +489,9 @@ class GoalSearch {
     const std::optional<Leg> leg = leg_of_far_way();
     if (!leg) return std::nullopt;
     scratch_.way.clear();
-    Goal goal{.choice = {MoveStatus::kEscaping, MoveReason::kHorizonGrown, -1},
+    Goal goal{.choice = to_shot ? choice_for(MoveStatus::kPartial, FlightCourse::kToShot) : choice_for(MoveStatus::kEscaping, FlightCourse::kFarWay),
               .position_m = part_of_way_m(leg->to_m, settings_.speed_mps * kGoalS),
               .velocity_mps = velocity_along(in_.step, *leg, glm::dvec3(0.0))};
-    if (to_shot) goal.choice = {MoveStatus::kPartial, MoveReason::kFarViewpoint, -1};
     goal.searches = !to_shot, goal.way_m = leg->length_m;
     for (size_t k = 1; k < blind_.way_m.size(); ++k) *goal.way_m += glm::distance(blind_.way_m[k - 1], blind_.way_m[k]);
     return goal;

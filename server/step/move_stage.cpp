@@ -118,9 +118,7 @@ Aim choose_aim(const MoveInput& in, Decision& decision) {
   const std::span<const TrackedTarget> targets = step.targets.tracked_targets;
   const glm::dvec3 eye_m = decision.camera.pose.position_m;
   const ViewAngles& present = decision.turn.angles;
-  if (const std::optional<double> yaw_rad = yaw_from_above(step, in.carried.shot, eye_m))
-    if (const Aim from_above = aim_at(eye_m, targets, present, step.lens, framing, yaw_rad); from_above.fits) return from_above;
-  const Aim all = aim_at(eye_m, targets, present, step.lens, framing);
+  const Aim all = aim_with_shot(step, in.carried.shot, eye_m, present);
   const uint32_t former = kept_before(step.targets, in.carried.not_aimed_at);
   const bool stays = step.input.settings.move.follow == Follow::kStay, had_all = former == step.targets.steered;
   const uint32_t seen = stays ? step.targets.steered : seen_of_late(step, in.carried);

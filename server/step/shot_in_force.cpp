@@ -17,10 +17,18 @@ constexpr double kFrameS = 0.3;
 constexpr double kTravelsMps = 0.3;
 // The place of the first picture is kept if it is farther from the middle than the free band, and not at the very edge.
 constexpr double kKeptPlace = 0.15, kFarthestPlace = 0.9;
-// From this elevation on, asked and present, the picture's upper edge keeps its direction.
-constexpr double kFromAboveRad = 1.2;
+// From this elevation on, asked and present, the picture's upper edge keeps its direction: wholly from kAboveBandRad higher on. In a session that never asked for a
+// shot, the first pose must look down more steeply. Where the targets are aside by more than kMostAside of half a picture, the camera turns to them.
+constexpr double kFromAboveRad = 1.2, kAboveBandRad = 0.1, kSurelyAboveRad = 1.4, kMostAside = 0.9, kAsideBand = 0.4;
 // Less is not worth naming.
 constexpr double kHidesShare = 0.05;
+// Farther than any place.
+constexpr double kFarthestM = 1e9;
+
+double eased(double share) {
+  const double t = std::clamp(share, 0.0, 1.0);
+  return t * t * (3 - 2 * t);
+}
 
 const AskedShot& asked_of(const StepInput& input) {
   static const AskedShot none;
@@ -55,7 +63,7 @@ const Instance* frame_instance(const StepInput& input, const TargetsNow& targets
   for (const uint64_t id : asked.subject_ids)
     if (const Instance* found = input.scene.find(id)) return found;
   for (size_t i = 0; i < targets.ids.size(); ++i)
-    if (targets.steered >> i & 1u) return input.scene.find(targets.ids[i]);
+    if (targets.weighted >> i & 1u) return input.scene.find(targets.ids[i]);
   return nullptr;
 }
 
@@ -68,23 +76,30 @@ std::optional<double> travel_of(const Instance& instance) {
   return glm::length(level_mps) > kTravelsMps ? yaw_of(level_mps) : std::nullopt;
 }
 
-// The yaw of the frame now; empty where nothing gives it. `begins`: no former yaw is known.
-std::optional<double> frame_yaw_rad(const StepInput& input, const TargetsNow& targets, bool begins) {
+// The yaw of the frame now; empty where nothing gives it.
+std::optional<double> frame_yaw_rad(const StepInput& input, const TargetsNow& targets) {
   const AskedShot& asked = asked_of(input);
   if (asked.frame == ShotFrame::kWorld) return yaw_of(asked.front);
   const Instance* instance = frame_instance(input, targets);
   if (!instance) return std::nullopt;
   if (asked.frame == ShotFrame::kHeading) return heading_of(*instance, asked.front);
-  if (asked.frame == ShotFrame::kTravel) {
-    const std::optional<double> travel = travel_of(*instance);
-    return travel || !begins ? travel : heading_of(*instance, asked.front);
-  }
+  if (asked.frame == ShotFrame::kTravel) return travel_of(*instance);
   const Instance* end = input.scene.find(asked.line_to_id);
   return end ? yaw_of(end->center_m - instance->center_m) : std::nullopt;
 }
 
+// The yaw of a frame that begins. Somebody who stands still has the direction of travel that the former shot knew, or else a heading.
+double first_yaw_rad(const StepInput& input, const TargetsNow& targets, const ShotFrameState& former) {
+  const AskedShot& asked = asked_of(input);
+  if (const std::optional<double> yaw_rad = frame_yaw_rad(input, targets)) return *yaw_rad;
+  const Instance* instance = frame_instance(input, targets);
+  if (!instance || asked.frame != ShotFrame::kTravel) return former.yaw_rad;
+  if (former.travels_id == instance->id) return former.yaw_rad;
+  return heading_of(*instance, asked.front).value_or(former.yaw_rad);
+}
+
 void turn_frame(const StepInput& input, const TargetsNow& targets, ShotFrameState& frame) {
-  const std::optional<double> now_rad = frame_yaw_rad(input, targets, false);
+  const std::optional<double> now_rad = frame_yaw_rad(input, targets);
   const double dt_s = std::min(input.dt_s, kMaxStepS);
   frame.age_s += dt_s;
   if (!now_rad) return;
@@ -95,35 +110,48 @@ void turn_frame(const StepInput& input, const TargetsNow& targets, ShotFrameStat
 // The wanted place now, in the frame.
 PlaceInFrame wanted_place(const StepInput& input, const TargetsNow& targets, const Subjects& subjects, const ShotFrameState& frame) {
   const AskedShot& asked = asked_of(input);
+  const double share = asked.blend_s > 0 && !asked.cut ? frame.age_s / asked.blend_s : 1.0;
+  const double round_rad = asked.orbit_radps * frame.age_s;
   PlaceInFrame to = frame.to;
   if (asked.size) {
-    const glm::dvec3 direction = offset_in_frame({to.side_rad, to.height_rad, 1.0}, frame.yaw_rad);
+    PlaceInFrame angles = blend(frame.from, to, share);
+    angles.side_rad += round_rad;
     InlineVector<TrackedTarget, kMaxTargets> steered;
     for (const TrackedTarget& target : targets.tracked_targets)
       if (target.steered()) steered.push_back(target);
     const std::span<const TrackedTarget> bodies = subjects.empty() ? std::span<const TrackedTarget>(steered.begin(), steered.size())
                                                                    : std::span<const TrackedTarget>(subjects.begin(), subjects.size());
-    to.distance_m = distance_for_size_m(*asked.size, bodies, middle_m(subjects, targets), direction, input.lens);
+    to.distance_m = distance_for_size_m(*asked.size, bodies, middle_m(subjects, targets), angles, frame.yaw_rad, input.lens);
   }
-  PlaceInFrame now = asked.blend_s > 0 ? blend(frame.from, to, frame.age_s / asked.blend_s) : to;
-  now.side_rad += asked.orbit_radps * frame.age_s;
+  PlaceInFrame now = blend(frame.from, to, share);
+  now.side_rad += round_rad;
   return now;
 }
 
-// What was not sent is taken from the former shot, and in the first shot from the camera.
+// A place in the frame. Right above or below, the side is the one from which the picture is upright.
+PlaceInFrame upright_place(const glm::dvec3& offset_m, double frame_yaw_rad, double up_yaw_rad) {
+  PlaceInFrame place = place_in_frame(offset_m, frame_yaw_rad);
+  if (!yaw_of(offset_m)) place.side_rad = place_in_frame(offset_in_frame({std::numbers::pi, 0.0, 1.0}, up_yaw_rad), frame_yaw_rad).side_rad;
+  return place;
+}
+
+// What was not sent is taken from the former shot, relative to its own subjects, and in the first shot from the camera. A blend begins where the former shot's
+// place was.
 void begin(const StepInput& input, const TargetsNow& targets, const CarriedState& carried, const Subjects& subjects, WantedShot& shot) {
   const AskedShot& asked = asked_of(input);
-  const glm::dvec3 former_m = shot.is_set ? weighted_center_m(targets.tracked_targets) + shot.asked_offset_m : carried.camera.pose.position_m;
+  const glm::dvec3 from_m = middle_m(subjects, targets), camera_m = carried.camera.pose.position_m;
+  const glm::dvec3 former_m = shot.is_set ? shot.asked_offset_m - shot.subjects_m : camera_m - from_m;
   ShotFrameState& frame = shot.frame;
   // A camera that the client puts elsewhere with an observed cut does not jump to a shot that began before.
   shot.cut_s = asked.cut && frame.number != asked.number ? kCutWithinS : 0.0;
-  frame = {};
-  frame.number = asked.number;
-  frame.yaw_rad = frame_yaw_rad(input, targets, true).value_or(0.0);
-  frame.from = place_in_frame(former_m - middle_m(subjects, targets), frame.yaw_rad);
-  frame.to = {asked.side_rad.value_or(frame.from.side_rad), asked.height_rad.value_or(frame.from.height_rad), asked.distance_m.value_or(frame.from.distance_m)};
-  if (!shot.is_set) frame.from = frame.to, frame.age_s = asked.blend_s;
-
+  ShotFrameState begun;
+  begun.number = asked.number;
+  begun.yaw_rad = first_yaw_rad(input, targets, frame);
+  if (const Instance* instance = frame_instance(input, targets); instance && asked.frame == ShotFrame::kTravel) begun.travels_id = instance->id;
+  begun.to = upright_place(former_m, begun.yaw_rad, shot.up_yaw_rad);
+  begun.to = {asked.side_rad.value_or(begun.to.side_rad), asked.height_rad.value_or(begun.to.height_rad), asked.distance_m.value_or(begun.to.distance_m)};
+  begun.from = shot.is_set ? upright_place(shot.asked_m - from_m, begun.yaw_rad, shot.up_yaw_rad) : begun.to;
+  frame = begun;
 }
 
 // Where the targets are in the picture with which a shot begins without places of its own.
@@ -157,27 +185,34 @@ WantedShot shot_in_force(const StepInput& input, const TargetsNow& targets, cons
   const Subjects subjects = subjects_of(input, targets);
   const glm::dvec3 center_m = weighted_center_m(targets.tracked_targets);
   if (begins) {
-    if (!shot.is_set) shot.place = first_place(input, targets, carried), shot.asked_offset_m = carried.camera.pose.position_m - center_m;
+    if (!shot.is_set) {
+      shot.place = asked.number == 0 ? first_place(input, targets, carried) : std::nullopt;
+      shot.asked_offset_m = carried.camera.pose.position_m - center_m;
+      shot.up_yaw_rad = carried.turn.angles.yaw_rad;
+    }
     begin(input, targets, carried, subjects, shot);
-    shot.up_yaw_rad = carried.turn.angles.yaw_rad;
   } else {
     turn_frame(input, targets, shot.frame);
   }
   if (begins || !keeps_shot(targets, shot)) forget_targets(targets, shot);
-  shot.tolerance = asked.tolerance;
+  shot.weight = asked.weight, shot.tolerance = asked.tolerance;
   shot.subjects_m = subjects.empty() ? glm::dvec3(0.0) : middle_m(subjects, targets) - center_m;
   // Without a shot of the client's, the offset stays as it is to the last bit.
   if (asked.number != 0) {
     const PlaceInFrame place = wanted_place(input, targets, subjects, shot.frame);
+    shot.frame.now = place;
+    shot.frame.now.side_rad = std::remainder(place.side_rad, 2 * std::numbers::pi);
     shot.asked_offset_m = shot.subjects_m + offset_in_frame(place, shot.frame.yaw_rad);
     shot.up_yaw_rad = yaw_of(-offset_in_frame({place.side_rad, 0.0, 1.0}, shot.frame.yaw_rad)).value_or(shot.up_yaw_rad);
   }
+  shot.asked_m = center_m + shot.asked_offset_m;
   if (!shot.other_viewpoint()) shot.offset_m = shot.asked_offset_m;
   shot.is_set = true;
   return shot;
 }
 
 void place_in_picture(const StepInput& input, const WantedShot& shot, TargetsNow& targets) {
+  if (input.settings.move.follow == Follow::kStay) return;
   const std::vector<PicturePlace>& places = asked_of(input).places;
   for (size_t i = 0; i < targets.ids.size(); ++i) {
     TrackedTarget& target = targets.tracked_targets[i];
@@ -187,10 +222,26 @@ void place_in_picture(const StepInput& input, const WantedShot& shot, TargetsNow
   }
 }
 
-std::optional<double> yaw_from_above(const StepContext& step, const WantedShot& shot, const glm::dvec3& eye_m) {
-  if (!shot.is_set || step.input.settings.move.follow == Follow::kStay) return std::nullopt;
-  const bool is_above = elevation_rad(shot.asked_offset_m) >= kFromAboveRad && elevation_rad(eye_m - step.center_m()) >= kFromAboveRad;
-  return is_above ? std::optional(shot.up_yaw_rad) : std::nullopt;
+double share_from_above(const StepContext& step, const WantedShot& shot, const glm::dvec3& eye_m) {
+  if (!shot.is_set || step.input.settings.move.follow == Follow::kStay) return 0.0;
+  const double asked_above_rad = shot.frame.number != 0 ? kFromAboveRad : kSurelyAboveRad;
+  if (elevation_rad(shot.asked_offset_m - shot.subjects_m) < asked_above_rad) return 0.0;
+  return eased((elevation_rad(eye_m - step.center_m()) - kFromAboveRad) / kAboveBandRad);
+}
+
+Aim aim_with_shot(const StepContext& step, const WantedShot& shot, const glm::dvec3& eye_m, const ViewAngles& present) {
+  const std::span<const TrackedTarget> targets = step.targets.tracked_targets;
+  const FramingSettings& framing = step.input.settings.framing;
+  const Aim plain = aim_at(eye_m, targets, present, step.lens, framing);
+  const double above = share_from_above(step, shot, eye_m);
+  if (above <= 0) return plain;
+  const Aim upright = aim_at(eye_m, targets, present, step.lens, framing, shot.up_yaw_rad);
+  const Pose pose{eye_m, rotation_from_angles(upright.angles)};
+  const double aside = std::abs(off_place_half_pictures(pose, targets, step.lens).x);
+  const double share = above * eased((kMostAside - aside) / kAsideBand);
+  if (share <= 0) return plain;
+  const double yaw_rad = plain.angles.yaw_rad + share * std::remainder(shot.up_yaw_rad - plain.angles.yaw_rad, 2 * std::numbers::pi);
+  return aim_at(eye_m, targets, present, step.lens, framing, yaw_rad);
 }
 
 namespace {
@@ -201,25 +252,29 @@ uint32_t limits_of(const StepContext& step, const glm::dvec3& asked_m) {
   const BrokenLimits broken = broken_limits(place_m, step.targets.tracked_targets, settings);
   uint32_t limits = 0;
   const auto add = [&](ShotLimit limit, bool holds) { limits |= holds ? 1u << static_cast<int>(limit) : 0u; };
-  const bool too_far = glm::length(asked_m) > settings.max_distance_m;
-  add(ShotLimit::kMaxDistance, broken.distance && too_far);
-  add(ShotLimit::kMinDistance, broken.distance && !too_far);
+  add(ShotLimit::kMaxDistance, broken.distance && glm::length(asked_m) > settings.max_distance_m);
+  MoveSettings any_farther = settings;
+  any_farther.max_distance_m = kFarthestM;
+  add(ShotLimit::kMinDistance, broken_limits(place_m, step.targets.tracked_targets, any_farther).distance);
   const double elevation = elevation_rad(asked_m);
   add(ShotLimit::kMinElevation, broken.elevation && elevation < settings.min_elevation_rad);
   add(ShotLimit::kMaxElevation, broken.elevation && elevation > settings.max_elevation_rad);
   MoveSettings free = settings;
-  free.min_distance_m = 0, free.max_distance_m = 1e9, free.min_elevation_rad = -2, free.max_elevation_rad = 2;
+  free.min_distance_m = 0, free.max_distance_m = kFarthestM, free.min_elevation_rad = -2, free.max_elevation_rad = 2;
   const glm::dvec3 fitting_m = desired_place_m(step.targets.tracked_targets, asked_m, step.lens, step.input.settings.framing.framing_margin, free);
   constexpr double kFitSlack = 1.05;
   add(ShotLimit::kPicture, glm::distance(fitting_m, center_m) > kFitSlack * glm::length(asked_m));
   return limits;
 }
 
+// Of the required targets, or of all if none is required. Those that are given up are lost.
 double lost_sight(const StepContext& step, std::span<const TargetSight> sights) {
+  const std::span<const Target> targets = step.input.targets;
+  const bool any_required = std::ranges::any_of(targets, [](const Target& of) { return of.weight > 0 && of.required; });
   double lost = 0, all = 0;
   for (size_t i = 0; i < sights.size(); ++i) {
-    const double weight = step.targets.sight_weights[i];
-    lost += weight * (1 - sights[i].filtered_share * sights[i].picture_share), all += weight;
+    if (any_required && !targets[i].required) continue;
+    lost += targets[i].weight * (1 - sights[i].filtered_share * sights[i].picture_share), all += targets[i].weight;
   }
   return all > 0 ? lost / all : 0.0;
 }
@@ -231,7 +286,7 @@ void name_hider(const StepContext& step, const WantedShot& shot, ShotReport& rep
     if (known == step.targets.ids.end()) continue;
     const double weight = step.targets.sight_weights[static_cast<size_t>(known - step.targets.ids.begin())];
     report.hidden_share += weight * sight.hidden, all += weight;
-    if (weight > 0 && sight.by != 0 && sight.hidden > most) most = sight.hidden, report.hidden_by = sight.by, report.hidden_target = sight.target_id;
+    if (weight > 0 && step.input.scene.find(sight.by) && sight.hidden > most) most = sight.hidden, report.hidden_by = sight.by, report.hidden_target = sight.target_id;
   }
   report.hidden_share = all > 0 ? report.hidden_share / all : 0.0;
 }
@@ -241,7 +296,9 @@ void name_hider(const StepContext& step, const WantedShot& shot, ShotReport& rep
 ShotReport report_shot(const StepContext& step, const WantedShot& shot, const CameraState& camera, const Lens& lens, std::span<const TargetSight> sights) {
   const glm::dvec3 asked_m = shot.asked_offset_m - shot.subjects_m, now_m = camera.pose.position_m - (step.center_m() + shot.subjects_m);
   ShotReport report;
-  report.asked = place_in_frame(asked_m, shot.frame.yaw_rad), report.now = place_in_frame(now_m, shot.frame.yaw_rad);
+  report.asked = shot.frame.number != 0 ? shot.frame.now : upright_place(asked_m, shot.frame.yaw_rad, shot.up_yaw_rad);
+  report.now = place_in_frame(now_m, shot.frame.yaw_rad);
+  report.first_place = shot.place.value_or(glm::dvec2(0.0));
   ShotProperties now = shot_from(now_m, lens.vertical_fov_rad);
   now.place_half_pictures = off_place_half_pictures(camera.pose, step.targets.tracked_targets, lens);
   report.off_place = std::max(std::abs(now.place_half_pictures.x), std::abs(now.place_half_pictures.y));
@@ -256,7 +313,6 @@ ShotReport report_shot(const StepContext& step, const WantedShot& shot, const Ca
 void watch_asked_place(const StepContext& step, const TakenMaps& taken, WantedShot& shot) {
   const ViewpointLook& look = taken.plan.look;
   if (!look.searches || step.move_s <= 0 || !step.is_steered(look.target)) return;
-  const glm::dvec3 place_m = step.center_m() + framed_offset_m(step, shot.asked_offset_m);
   const uint64_t id = step.targets.ids[look.target];
   auto sight = std::find_if(shot.at_asked.begin(), shot.at_asked.end(), [id](const AskedSight& of) { return of.target_id == id; });
   if (sight == shot.at_asked.end()) {
@@ -265,15 +321,10 @@ void watch_asked_place(const StepContext& step, const TakenMaps& taken, WantedSh
   }
   const double memory_s = step.input.settings.move.viewpoint_search.memory_s;
   const double newest = -std::expm1(-step.move_s * static_cast<double>(step.target_count()) / memory_s);
-  for (const DepthMap& map : taken.maps.subspan(look.maps.first, look.maps.count)) {
-    const MapPoint at = project(map.view, place_m);
-    if (!at.in_window) continue;
-    const int x = nearest_ray(at.x, map.view.jitter.x, map.view.width), y = nearest_ray(at.y, map.view.jitter.y, map.view.height);
-    const bool hidden = at.depth_m > map.depth_at(x, y) * (1 + taken.settings.relative_bias);
-    sight->hidden += newest * ((hidden ? 1.0 : 0.0) - sight->hidden);
-    if (hidden) sight->by = step.input.scene.instances()[map.occluder_at(x, y)].id;
-    return;
-  }
+  const DepthMap& map = taken.maps[look.asked_sight];
+  const bool hidden = glm::distance(map.view.eye_m, asked_place_m(step, shot)) > map.distance_at(0, 0) * (1 + taken.settings.relative_bias);
+  sight->hidden += newest * ((hidden ? 1.0 : 0.0) - sight->hidden);
+  if (hidden) sight->by = step.input.scene.instances()[map.occluder_at(0, 0)].id;
 }
 
 }  // namespace sightline

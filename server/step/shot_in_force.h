@@ -19,8 +19,10 @@ bool keeps_shot(const TargetsNow& targets, const WantedShot& before);
 // Gives the targets their places in the picture.
 void place_in_picture(const StepInput& input, const WantedShot& shot, TargetsNow& targets);
 
-// The yaw that the picture keeps while the camera looks down from right above; empty at other times.
-std::optional<double> yaw_from_above(const StepContext& step, const WantedShot& shot, const glm::dvec3& eye_m);
+// How much the upper edge of the picture keeps its direction from a position, [0, 1]: 1 for a shot from right above, 0 for others.
+double share_from_above(const StepContext& step, const WantedShot& shot, const glm::dvec3& eye_m);
+// The aim at all steered targets. From right above, the picture does not turn about its middle.
+Aim aim_with_shot(const StepContext& step, const WantedShot& shot, const glm::dvec3& eye_m, const ViewAngles& present);
 
 // What of the shot a pose gives up. Some target must be steered.
 ShotReport report_shot(const StepContext& step, const WantedShot& shot, const CameraState& camera, const Lens& lens, std::span<const TargetSight> sights);

@@ -125,7 +125,9 @@ double viewpoint_distance_m(const StepContext& step, const WantedShot& shot);
 // True once the viewpoints have been looked at for long enough.
 bool knows_viewpoints(const StepContext& step, const ViewpointMap& viewpoints);
 
-// Appends the maps that show all directions from one target.
+// The place of the client's shot, within the limits.
+glm::dvec3 asked_place_m(const StepContext& step, const WantedShot& shot);
+// Appends the maps that show all directions from one target, and a sight from there to the place of the client's shot.
 ViewpointLook plan_look(const SampleInput& input, std::vector<MapView>& views);
 void request_look(const SampleInput& input, SamplePlan& plan);
 
@@ -237,7 +239,8 @@ const CutPlace* choose_cut(const MoveInput& input, const TakenMaps& taken, bool 
 void cut_to(const MoveInput& input, const TakenMaps& taken, const CutPlace& place, MoveScratch& scratch, WantedShot& shot,
             Decision& decision);
 // Counts the time without a sight of any required target.
-void note_sights(const StepContext& step, const StepResult& result, bool target_jumped, CutState& state);
+// `is_asked`: the shot may still cut (WantedShot::cut_s).
+void note_sights(const StepContext& step, const StepResult& result, bool target_jumped, bool is_asked, CutState& state);
 
 // ---- ways (legs.cpp) ----
 

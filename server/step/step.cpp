@@ -174,7 +174,7 @@ StepResult Stepper::finish(const StageClock& clock) {
   StepResult result = report_step({*work.input, dump_, taken, carried_.pasts, carried_.given_up}, carried_.shares);
   if (step.targets.steered != 0 && work.input->settings.move.follow == Follow::kOffset)
     result.shot = report_shot(step, carried_.shot, result.camera, picture_lens(step, result), {result.targets.begin(), result.targets.size()});
-  note_sights(step, result, work.opening.target_jumped, carried_.cut);
+  note_sights(step, result, work.opening.target_jumped, carried_.shot.cut_s > 0, carried_.cut);
   result.stage_ns = work.stage_ns;
   return result;
 }

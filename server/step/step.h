@@ -99,6 +99,7 @@ enum class ShotLimit { kMinDistance, kMaxDistance, kMinElevation, kMaxElevation,
 struct ShotReport {
   PlaceInFrame asked, now;
   ShotDeviation deviation;       // each at most 1
+  glm::dvec2 first_place{0.0};   // where the targets are to stay in the picture since they were there in the first one; half pictures
   double off_place = 0.0;        // half pictures; infinite with a target behind the camera
   double sight_loss = 0.0, worth = 0.0;
   uint32_t limits = 0;           // bit i: ShotLimit i is broken at the place of the shot

@@ -87,6 +87,7 @@ struct ViewpointLook {
   bool searches = false;
   size_t target = 0;
   MapRange maps;
+  uint32_t asked_sight = 0;  // a map of a single texel towards the place of the client's shot
 };
 
 // A place that the camera may jump to, with sights of every target from there, as in Sampled.

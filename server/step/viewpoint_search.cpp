@@ -59,7 +59,7 @@ void choose_viewpoint(const StepContext& step, const ViewpointMap& viewpoints, W
   if (!stand) settings.viewpoint_search.keep_shot_below = 0;
   const glm::dvec3 center_m = step.center_m(), present_m = step.camera.pose.position_m - center_m;
   if (glm::length(present_m) < 1e-6 || glm::length(shot.asked_offset_m) < 1e-6) return;
-  ShotWish wish{.asked_m = framed_offset_m(step, shot.asked_offset_m), .present_m = present_m, .subjects_m = shot.subjects_m, .tolerance = shot.tolerance};
+  ShotWish wish{.asked_m = framed_offset_m(step, shot.asked_offset_m), .present_m = present_m, .subjects_m = shot.subjects_m, .weight = shot.weight, .tolerance = shot.tolerance};
   const auto allowed = [&](const glm::dvec3& offset_m) {
     return within_limits(center_m + offset_m, step.targets.tracked_targets, settings) && shows_group(step, offset_m);
   };
@@ -88,6 +88,10 @@ glm::dvec3 framed_offset_m(const StepContext& step, const glm::dvec3& offset_m) 
          step.center_m();
 }
 
+glm::dvec3 asked_place_m(const StepContext& step, const WantedShot& shot) {
+  return step.center_m() + framed_offset_m(step, shot.asked_offset_m);
+}
+
 bool shows_group(const StepContext& step, const glm::dvec3& offset_m) {
   constexpr double kFitSlack = 1.05;
   return glm::length(framed_offset_m(step, offset_m)) <= kFitSlack * glm::length(offset_m);
@@ -104,26 +108,31 @@ double viewpoint_distance_m(const StepContext& step, const WantedShot& shot) {
 ViewpointLook plan_look(const SampleInput& in, std::vector<MapView>& views) {
   const StepInput& input = in.step.input;
   if (!searches(in.step)) return {};
-  ViewpointLook look{.searches = true, .target = input.tick % input.targets.size(), .maps = {}};
+  ViewpointLook look{.searches = true, .target = input.tick % input.targets.size(), .maps = {}, .asked_sight = 0};
   CounterRandom random(input.seed, input.tick, RandomPurpose::kViewpointSearch);
   const glm::dvec3 eye_m = looking_point_m(looking_piece(input.scene, in.step.targets.pieces[look.target], random), random);
   const double x = random.next_unit(), y = random.next_unit();
   look.maps.first = static_cast<uint32_t>(views.size());
   plan_round(eye_m, input.settings.move.viewpoint_search.resolution, {x, y}, views);
   look.maps.count = static_cast<uint32_t>(views.size()) - look.maps.first;
+  look.asked_sight = static_cast<uint32_t>(views.size());
+  views.push_back(plan_sight(eye_m, asked_place_m(in.step, in.shot)));
   return look;
 }
 
 void request_look(const SampleInput& in, SamplePlan& plan) {
   const ViewpointLook& look = plan.look;
   if (!look.searches) return;
-  const glm::dvec3 center_m = in.step.center_m();
-  for (uint32_t view = look.maps.first; view < look.maps.first + look.maps.count; ++view)
+  const auto request = [&](uint32_t view, double farthest_m) {
     plan.requests[view] = {.view = plan.views[view],
                            .layer_mask = in.step.input.targets[look.target].layer_mask,
-                           .far_m = beyond_all_m(glm::distance(plan.views[view].eye_m, center_m) +
-                                                 ViewpointMap::kFarthestShare * viewpoint_distance_m(in.step, in.shot)),
+                           .far_m = beyond_all_m(farthest_m),
                            .ignored_slots = in.step.targets.ignored_slots[look.target]};
+  };
+  const glm::dvec3 eye_m = plan.views[look.asked_sight].eye_m;
+  request(look.asked_sight, glm::distance(eye_m, asked_place_m(in.step, in.shot)));
+  const double farthest_m = glm::distance(eye_m, in.step.center_m()) + ViewpointMap::kFarthestShare * viewpoint_distance_m(in.step, in.shot);
+  for (uint32_t view = look.maps.first; view < look.maps.first + look.maps.count; ++view) request(view, farthest_m);
 }
 
 void search_viewpoints(const StepContext& step, const TakenMaps& taken, ViewpointMap& viewpoints, WantedShot& shot) {

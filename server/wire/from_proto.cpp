@@ -71,10 +71,9 @@ Status read_open(const v1::OpenSession& open, const SceneSource& source, Session
   read_limits(open.limits(), out.limits);
   if (Status ok = read_targets(open.targets(), out.convention, "open.targets", out.targets); !ok) return ok;
   if (Status ok = read_instances(open, source, out, warnings); !ok) return ok;
-  if (open.has_shot()) {
-    if (Status ok = read_shot(open.shot(), out.convention, "open.shot", out.shot); !ok) return ok;
-    out.shot.number = 1;
-  }
+  // An empty shot too says which way models face, so that reports of a session without one are in the frame that the client would ask in.
+  if (Status ok = read_shot(open.shot(), out.convention, "open.shot", out.shot); !ok && open.has_shot()) return ok;
+  out.shot.number = open.has_shot() ? 1 : 0;
   for (std::string& warning : suspect_sizes(out)) warnings.push_back(std::move(warning));
   for (std::string& warning : shot_warnings(out, "open.shot")) warnings.push_back(std::move(warning));
   out.seed = open.seed();

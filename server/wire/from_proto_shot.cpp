@@ -11,7 +11,9 @@
 namespace sightline {
 namespace {
 
-constexpr double kFarthestM = 1e6, kLeastSize = 0.02, kFarthestPlace = 0.9, kMostOrbitRadps = 3.0, kLongestBlendS = 60.0, kMostTolerance = 3.0;
+constexpr double kFarthestM = 1e6, kLeastSize = 0.02, kFarthestPlace = 0.9, kMostOrbitRadps = 3.0, kLongestBlendS = 60.0, kMostTolerance = 3.0, kMostWeight = 10.0;
+// A distance that is only just too great is not worth a word.
+constexpr double kRounded = 1.01;
 
 Status read_in_range(double wire, const std::string& field, double low, double high, double& out) {
   out = wire;
@@ -34,6 +36,7 @@ Status read_frame(const v1::Shot& wire, const std::string& field, AskedShot& out
     case v1::Shot::FRAME_LINE:
       out.frame = ShotFrame::kLine;
       if (wire.line_to_id() == 0) return invalid(field + ".line_to_id", "is required for FRAME_LINE");
+      if (wire.line_to_id() == wire.frame_id()) return invalid(field + ".line_to_id", "must be another instance than frame_id");
       return {};
     default:
       return unknown_enum(field + ".frame", wire.frame());
@@ -55,9 +58,8 @@ Status read_place(const v1::Shot& wire, const Convention& convention, const std:
   if (wire.has_side_rad())
     if (Status ok = read_in_range(wire.side_rad(), field + ".side_rad", -2 * kPi, 2 * kPi, out.side_rad.emplace()); !ok) return ok;
   if (wire.has_height_rad()) {
-    // 1.5708 is a right angle to most people.
-    constexpr double kRounded = 1e-3;
-    if (Status ok = read_in_range(wire.height_rad(), field + ".height_rad", -kPi / 2 - kRounded, kPi / 2 + kRounded, out.height_rad.emplace()); !ok) return ok;
+    constexpr double kRoundedAngle = 1e-3;  // 1.5708 is a right angle to most people
+    if (Status ok = read_in_range(wire.height_rad(), field + ".height_rad", -kPi / 2 - kRoundedAngle, kPi / 2 + kRoundedAngle, out.height_rad.emplace()); !ok) return ok;
     out.height_rad = std::clamp(*out.height_rad, -kPi / 2, kPi / 2);
   }
   if (Status ok = read_in_range(wire.orbit_radps(), field + ".orbit_radps", -kMostOrbitRadps, kMostOrbitRadps, out.orbit_radps); !ok) return ok;
@@ -84,6 +86,19 @@ Status read_picture_places(const v1::Shot& wire, const std::string& field, Asked
   return {};
 }
 
+// From the camera to the middle of the targets with a weight.
+std::optional<double> first_distance_m(const SessionOptions& options) {
+  glm::dvec3 sum_m(0.0);
+  double weight = 0;
+  for (const Target& target : options.targets) {
+    const auto found = std::ranges::find(options.instances, target.instance_id, &NewInstance::id);
+    if (found == options.instances.end() || !(target.weight > 0)) continue;
+    const glm::dvec3 aim_m = target.aim_offset_m.value_or(glm::dvec3(found->geometry->bounds.center()));
+    sum_m += target.weight * transform_point(found->pose, found->linear * aim_m), weight += target.weight;
+  }
+  return weight > 0 ? std::optional(glm::distance(options.camera.position_m, sum_m / weight)) : std::nullopt;
+}
+
 std::string sentence(const char* format, double asked, double limit) {
   char text[256];
   std::snprintf(text, sizeof text, format, asked, limit);
@@ -100,6 +115,8 @@ Status read_shot(const v1::Shot& wire, const Convention& convention, const std::
   if (Status ok = read_front(wire, convention, field, out); !ok) return ok;
   if (Status ok = read_place(wire, convention, field, out); !ok) return ok;
   if (Status ok = read_picture_places(wire, field, out); !ok) return ok;
+  if (wire.has_weight())
+    if (Status ok = read_in_range(wire.weight(), field + ".weight", 0.0, kMostWeight, out.weight); !ok) return ok;
   if (wire.has_tolerance())
     if (Status ok = read_in_range(wire.tolerance(), field + ".tolerance", 0.0, kMostTolerance, out.tolerance); !ok) return ok;
   out.cut = wire.cut();
@@ -111,6 +128,9 @@ std::vector<std::string> shot_warnings(const SessionOptions& options, const std:
   const AskedShot& shot = options.shot;
   const MoveSettings& move = options.settings.move;
   const auto warn = [&](const std::string& name, std::string text) { warnings.push_back(field + name + ": " + std::move(text)); };
+  if (move.follow == Follow::kOffset && !shot.distance_m && !shot.size && shot.subject_ids.empty())
+    if (const std::optional<double> away_m = first_distance_m(options); away_m && *away_m > kRounded * move.max_distance_m)
+      warnings.push_back(sentence("open.camera: is %.4g m from the targets, beyond settings.max_distance_m, %g m; the camera comes nearer", *away_m, move.max_distance_m));
   if (shot.number == 0) return warnings;
   if (move.follow == Follow::kStay) warn("", "has no effect with FOLLOW_STAY");
   if (shot.distance_m && *shot.distance_m > move.max_distance_m)

@@ -14,7 +14,8 @@ namespace sightline {
 // end. Ids need not exist. AskedShot::number is left as it is.
 Status read_shot(const v1::Shot& wire, const Convention& convention, const std::string& field, AskedShot& out);
 
-// What cannot be: the shot's distance or height is beyond the settings' limits, or no subject is an instance. One sentence each, beginning with `field`.
+// What cannot be: the shot's distance or height, or the first pose's distance, is beyond the settings' limits, or no subject is an instance. One sentence
+// each, beginning with `field` or "open.camera".
 std::vector<std::string> shot_warnings(const SessionOptions& options, const std::string& field);
 
 }  // namespace sightline

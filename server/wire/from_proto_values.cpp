@@ -42,6 +42,7 @@ Status read_custom(const v1::CustomConvention& wire, const std::string& field, C
   if (Status ok = read_axis(wire.z(), field + ".z", m[2]); !ok) return ok;
   if (Status ok = read_axis(wire.camera_forward(), field + ".camera_forward", out.camera_forward); !ok)
     return ok;
+  out.model_front = out.camera_forward;
   if (Status ok = read_axis(wire.camera_up(), field + ".camera_up", out.camera_up); !ok) return ok;
   out.metres_per_unit = wire.metres_per_unit();
   out.horizontal_fov = wire.horizontal_field_of_view();

@@ -66,6 +66,16 @@ v1::MoveReason to_proto(MoveReason reason) {
       return v1::MOVE_REASON_OBSERVED_CUT;
     case MoveReason::kFarViewpoint:
       return v1::MOVE_REASON_FAR_VIEWPOINT;
+    case MoveReason::kOtherShot:
+      return v1::MOVE_REASON_OTHER_SHOT;
+    case MoveReason::kBestSoon:
+      return v1::MOVE_REASON_BEST_SOON;
+    case MoveReason::kStays:
+      return v1::MOVE_REASON_STAYS;
+    case MoveReason::kNearestView:
+      return v1::MOVE_REASON_NEAREST_VIEW;
+    case MoveReason::kFarWay:
+      return v1::MOVE_REASON_FAR_WAY;
     case MoveReason::kCut:
       return v1::MOVE_REASON_CUT;
   }
@@ -162,6 +172,7 @@ void set(const ShotReport& report, double metres_per_unit, v1::ShotReport& out) 
   out.set_hidden_share(report.hidden_share);
   out.set_hidden_by(report.hidden_by);
   out.set_hidden_target(report.hidden_target);
+  out.set_place_x(report.first_place.x), out.set_place_y(report.first_place.y);
 }
 
 // The reason, and what keeps the camera from its shot if something is known to.

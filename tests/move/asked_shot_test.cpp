@@ -70,17 +70,17 @@ TEST(AskedShot, FromTheDistanceForASizeTheBodiesHaveItInThePicture) {
   Lens lens;
   for (const double spread_m : {0.0, 1.5, 6.0})
     for (const double size : {0.1, 0.25, 0.5})
-      for (const double height : {0.0, 0.3, 0.8})
+      for (const double height : {0.0, 0.3, 0.8, 1.57})
         for (const double side : {0.0, 0.6, 1.5}) {
           TrackedTarget one, two;
           one.aim_m = {-spread_m / 2, 1, 0}, two.aim_m = {spread_m / 2, 1, 0};
           for (TrackedTarget* body : {&one, &two}) body->low_m = 0.9, body->high_m = 0.9, body->aside_m = 0.3;
           const TrackedTarget bodies[] = {one, two};
           const glm::dvec3 direction = offset_in_frame({side, height, 1}, 0);
-          const double distance_m = distance_for_size_m(size, bodies, {0, 1, 0}, direction, lens);
+          const double distance_m = distance_for_size_m(size, bodies, {0, 1, 0}, {side, height, 1}, 0, lens);
           const double is = size_in_picture(bodies, glm::dvec3(0, 1, 0) + distance_m * direction, {0, 1, 0}, lens);
           // The rims of the nearer body are nearer than its middle.
-          EXPECT_NEAR(is / size, 1, 0.05 + 0.6 / (distance_m - spread_m / 2)) << spread_m << " m, size " << size << ", height " << height << ", side " << side;
+          EXPECT_NEAR(is / size, 1, 0.02 + 0.3 / (distance_m - spread_m / 2 - 0.9)) << spread_m << " m, size " << size << ", height " << height << ", side " << side;
         }
 }
 

@@ -99,32 +99,52 @@ TEST(ChoiceOf, SaysWhatTheCandidateSees) {
   Case c = two_targets();
   c.place({0, 0, 5}, 0b11), c.place({1, 0, 5}, 0b11), c.place({2, 0, 5}, 0b10), c.place({3, 0, 5}, 0b00);
   const auto of = [&](uint32_t candidate) {
-    return choice_of(candidate, c.candidates, c.targets, c.desired);
+    return choice_of(candidate, c.candidates, c.targets);
   };
   Choice choice = of(0);
   EXPECT_EQ(choice.candidate, 0);
   EXPECT_EQ(choice.status, MoveStatus::kTracking);
-  EXPECT_EQ(choice.reason, MoveReason::kAtDesiredPlace);
   choice = of(1);
   EXPECT_EQ(choice.candidate, 1);
   EXPECT_EQ(choice.status, MoveStatus::kTracking);
-  EXPECT_EQ(choice.reason, MoveReason::kBestAllVisible);
   choice = of(2);
   EXPECT_EQ(choice.candidate, 2);
   EXPECT_EQ(choice.status, MoveStatus::kPartial);
-  EXPECT_EQ(choice.reason, MoveReason::kBestPartial);
   choice = of(3);
   EXPECT_EQ(choice.candidate, 3);
   EXPECT_EQ(choice.status, MoveStatus::kEscaping);
-  EXPECT_EQ(choice.reason, MoveReason::kHorizonGrown);
+}
+
+// What each reason claims (diagnostics.proto), checked for all that a goal, and all that the other candidates may see.
+TEST(ReasonOf, ClaimsOnlyWhatIsSo) {
+  for (const FlightCourse course : {FlightCourse::kFollow, FlightCourse::kStay, FlightCourse::kPlan, FlightCourse::kToView, FlightCourse::kTrail,
+                                    FlightCourse::kApproach, FlightCourse::kFarWay, FlightCourse::kToShot})
+    for (const uint32_t from_goal : {0b00u, 0b01u, 0b11u})
+      for (const bool somewhere_all : {false, true})
+        for (const bool other_shot : {false, true}) {
+          if (from_goal == 0b11 && !somewhere_all) continue;
+          const MoveReason reason = reason_of(course, {from_goal, 0b11, somewhere_all, other_shot});
+          EXPECT_TRUE(reason != MoveReason::kAtDesiredPlace || (from_goal == 0b11 && !other_shot && course == FlightCourse::kFollow));
+          EXPECT_TRUE(reason != MoveReason::kOtherShot || (from_goal == 0b11 && other_shot && course == FlightCourse::kFollow));
+          EXPECT_TRUE(reason != MoveReason::kBestAllVisible || (from_goal == 0b11 && course == FlightCourse::kPlan));
+          EXPECT_TRUE(reason != MoveReason::kBestPartial || (!somewhere_all && from_goal != 0));
+          EXPECT_TRUE(reason != MoveReason::kBestSoon || from_goal != 0b11u);
+          EXPECT_EQ(reason == MoveReason::kNearestView, course == FlightCourse::kToView);
+          EXPECT_EQ(reason == MoveReason::kOnTrail, course == FlightCourse::kTrail);
+          EXPECT_EQ(reason == MoveReason::kFarViewpoint, course == FlightCourse::kToShot);
+          EXPECT_EQ(reason == MoveReason::kStays, course == FlightCourse::kStay);
+          EXPECT_EQ(reason == MoveReason::kHorizonGrown, course == FlightCourse::kApproach);
+          EXPECT_EQ(reason == MoveReason::kFarWay, course == FlightCourse::kFarWay);
+          EXPECT_FALSE(explain(reason).empty());
+        }
 }
 
 TEST(ChoiceOf, HoldsWithoutTargets) {
   Case c = two_targets();
   c.place({0, 0, 5}, 0b11);
   for (TrackedTarget& t : c.targets) t.weight = 0;
-  EXPECT_EQ(choice_of(0, c.candidates, c.targets, c.desired).reason, MoveReason::kNoTargets);
-  EXPECT_EQ(choice_of(0, c.candidates, {}, c.desired).candidate, -1);
+  EXPECT_EQ(choice_of(0, c.candidates, c.targets).reason, MoveReason::kNoTargets);
+  EXPECT_EQ(choice_of(0, c.candidates, {}).candidate, -1);
 }
 
 TEST(ChoiceOf, ATargetWithoutWeightCountsForNothing) {
@@ -134,7 +154,7 @@ TEST(ChoiceOf, ATargetWithoutWeightCountsForNothing) {
     Case c = two_targets();
     c.targets[1].weight = 0;
     c.place({1, 0, 5}, seen);
-    EXPECT_EQ(choice_of(0, c.candidates, c.targets, c.desired).status, status) << seen;
+    EXPECT_EQ(choice_of(0, c.candidates, c.targets).status, status) << seen;
   }
 }
 

@@ -42,8 +42,8 @@ Reply reply_of(const Game& game, const SessionAnswer& answer) {
 
 // Plays on from the memory after `kBefore` ticks, and compares with the session that went on. Returns in how many ticks the filter, and so the
 // history, made a difference.
-int expect_same_after_resume(const Settings& change) {
-  const auto options = [&](SessionOptions& o) { change(o.settings); };
+int expect_same_after_resume(const Settings& change, const AskedShot& shot = {}) {
+  const auto options = [&](SessionOptions& o) { change(o.settings), o.shot = shot; };
   Game first(options), second(options);
   for (int i = 1; i <= kBefore; ++i) play(first, i);
   std::string memory;
@@ -88,6 +88,15 @@ TEST(SessionMemory, KeepsAllThatTheDefaultRemembers) {
 
 // The second session gets what came and went in one tick, as a recording's snapshot tells it. The places of the instances, free ones
 // too, are then those of the first, so that both put what is added later at the same places.
+// In the middle of an orbit that begins with a blend, in a frame that turns with Ann.
+TEST(SessionMemory, KeepsAShotThatMoves) {
+  AskedShot shot;
+  shot.number = 3;
+  shot.subject_ids = {kAnn}, shot.frame = ShotFrame::kTravel, shot.frame_id = kAnn;
+  shot.side_rad = 2.0, shot.size = 0.4, shot.orbit_radps = 0.5, shot.blend_s = 2;
+  expect_same_after_resume([](StepSettings& settings) { settings = preset_settings(Preset::kSightline); }, shot);
+}
+
 TEST(SessionMemory, KeepsThePlacesOfInstancesThatCameAndWent) {
   Game first, second;
   const auto box = [](Game& game, uint64_t id, double x) { return game.make(id, BoxShape{{0.1f, 0.1f, 0.1f}}, {x, 0.2, -2}); };

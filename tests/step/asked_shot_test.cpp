@@ -223,6 +223,99 @@ TEST(AskedShot, ACutToAPlaceInsideAWallGoesToANearPlaceThatSeesTheTarget) {
   EXPECT_GT(result.targets[0].visible_share, 0.95);
 }
 
+TEST(AskedShot, ACutLooksBeyondTheFirstPlacesWhichAreAllBlocked) {
+  // Walls all round but for a way in from one side; the target is in sight all the time.
+  Shown world({0, 1.6, 3});
+  for (uint64_t i = 0; i < 3; ++i) world.add_box(20 + i, {i == 0 ? 0.0 : i == 1 ? 5.5 : -5.5, 4, i == 0 ? -5.5 : 0}, {i == 0 ? 9.f : 3.5f, 8, i == 0 ? 3.5f : 9.f});
+  world.step(kTick);
+  AskedShot there;
+  there.side_rad = kPi, there.height_rad = 0.3, there.distance_m = 5, there.cut = true;
+  world.ask(there);
+  StepResult result;
+  for (int i = 0; i < 30 && !result.cut; ++i) result = world.step(kTick);
+  ASSERT_TRUE(result.cut);
+  EXPECT_GT(result.targets[0].visible_share, 0.95);
+}
+
+TEST(AskedShot, ACutWithoutARequiredTargetStillShowsTheTarget) {
+  Shown world;
+  world.targets[0].required = false;
+  const glm::dvec3 asked_m = glm::dvec3(0, 1, 0) + offset_in_frame({kPi, 0.3, 7}, *yaw_of({0, 0, 1}));
+  world.add_box(9, glm::mix(glm::dvec3(0, 1, 0), asked_m, 0.5), {2, 2, 0.3});
+  world.step(kTick);
+  AskedShot there;
+  there.side_rad = kPi, there.height_rad = 0.3, there.distance_m = 7, there.cut = true;
+  world.ask(there);
+  StepResult result;
+  for (int i = 0; i < 30 && !result.cut; ++i) result = world.step(kTick);
+  ASSERT_TRUE(result.cut);
+  EXPECT_GT(result.targets[0].visible_share, 0.95) << "not behind the wall";
+}
+
+TEST(AskedShot, AnOrbitWithABlendBeginsWhereTheCameraIs) {
+  Shown world({0, 1.6, 6});
+  AskedShot orbit;
+  orbit.orbit_radps = 0.4, orbit.blend_s = 5;
+  world.ask(orbit);
+  const StepResult result = world.step(kTick);
+  ASSERT_TRUE(result.shot);
+  EXPECT_LT(glm::distance(glm::dvec3(0, 1, 0) + offset_in_frame(result.shot->asked, *yaw_of({0, 0, 1})), glm::dvec3(0, 1.6, 6)), 0.1);
+}
+
+TEST(AskedShot, TwoPeopleKeepTheirSizeAllRoundAnOrbit) {
+  Shown world({0, 1.6, 8});
+  world.add_target(2, {3, 1, 0});
+  AskedShot orbit;
+  orbit.orbit_radps = 0.35, orbit.height_rad = 0.35, orbit.size = 0.4, orbit.weight = 3;
+  world.ask(orbit);
+  Watch watch(world);
+  double largest = 0, smallest = 1;
+  for (int i = 0; i < 1080; ++i) {
+    watch.step();
+    if (i < 240) continue;
+    glm::dvec2 low(1e9), high(-1e9);
+    for (const double x_m : {0.0, 3.0})
+      for (const double y_m : {0.1, 1.9}) {
+        const glm::dvec2 at = world.in_halves({x_m, y_m, 0});
+        low = glm::min(low, at), high = glm::max(high, at);
+      }
+    const double size = std::max(high.x - low.x, high.y - low.y) / 2;
+    largest = std::max(largest, size), smallest = std::min(smallest, size);
+  }
+  EXPECT_LT(largest, 0.6);
+  EXPECT_GT(smallest, 0.25);
+}
+
+TEST(AskedShot, ARunnerWhoStandsStillKeepsTheDirectionOfTheFormerShot) {
+  Shown world({-5, 1.8, 0});
+  AskedShot chase;
+  chase.frame = ShotFrame::kTravel, chase.side_rad = kPi, chase.height_rad = 0.15, chase.distance_m = 5;
+  world.ask(chase);
+  double x_m = 0;
+  for (int i = 0; i < 120; ++i) x_m += 2.0 * kTick, world.move(1, {x_m, 1, 0}, {2, 0, 0}), world.step(kTick);
+  for (int i = 0; i < 60; ++i) world.move(1, {x_m, 1, 0}), world.step(kTick);
+  chase.distance_m = 4;
+  world.ask(chase);
+  StepResult result;
+  for (int i = 0; i < 240; ++i) result = world.step(kTick);
+  EXPECT_LT(glm::distance(world.camera().pose.position_m, glm::dvec3(x_m, 1, 0) + offset_in_frame({kPi, 0.15, 4}, *yaw_of({1, 0, 0}))), 0.5);
+}
+
+TEST(AskedShot, FromRightAboveASideThatIsNotSentStays) {
+  Shown world({0, 9, 0.5});
+  world.settings.move.max_elevation_rad = kPi / 2;
+  AskedShot above;
+  above.side_rad = 2.0, above.height_rad = kPi / 2, above.distance_m = 8;
+  world.ask(above);
+  for (int i = 0; i < 240; ++i) world.step(kTick);
+  AskedShot nearer;
+  nearer.distance_m = 6;
+  world.ask(nearer);
+  const StepResult result = world.step(kTick);
+  ASSERT_TRUE(result.shot);
+  EXPECT_NEAR(result.shot->asked.side_rad, 2.0, 1e-6);
+}
+
 TEST(AskedShot, AnObservedCutDoesNotBringBackACutToTheShot) {
   Shown world;
   AskedShot there;

@@ -19,7 +19,7 @@ v1::Shot full_shot() {
   v1::Shot shot;
   shot.add_subject_ids(7), shot.add_subject_ids(8);
   shot.set_frame(v1::Shot::FRAME_LINE), shot.set_frame_id(7), shot.set_line_to_id(8);
-  shot.set_side_rad(1.0), shot.set_height_rad(0.2), shot.set_orbit_radps(-0.5), shot.set_distance(300), shot.set_tolerance(0.4);
+  shot.set_side_rad(1.0), shot.set_height_rad(0.2), shot.set_orbit_radps(-0.5), shot.set_distance(300), shot.set_tolerance(0.4), shot.set_weight(2);
   v1::Shot::Place& place = *shot.add_places();
   place.set_id(8), place.set_x(0.3), place.set_y(-0.2);
   shot.set_cut(true), shot.set_blend_s(2);
@@ -39,6 +39,7 @@ TEST(ShotOnTheWire, EveryFieldArrivesInCanonicalUnits) {
   EXPECT_NEAR(read.distance_m.value(), 3.0, 1e-12) << "centimetres";
   EXPECT_FALSE(read.size);
   EXPECT_EQ(read.tolerance, 0.4);
+  EXPECT_EQ(read.weight, 2.0);
   ASSERT_EQ(read.places.size(), 1u);
   EXPECT_EQ(read.places[0].id, 8u);
   EXPECT_EQ(read.places[0].half_pictures, glm::dvec2(0.3, -0.2));
@@ -79,6 +80,7 @@ TEST(ShotOnTheWire, WrongValuesAreRefusedByName) {
       {"shot.size", [](v1::Shot& s) { s.set_size(1.5); }},
       {"shot.tolerance", [](v1::Shot& s) { s.set_tolerance(-1); }},
       {"shot.tolerance", [=](v1::Shot& s) { s.set_tolerance(kNan); }},
+      {"shot.weight", [](v1::Shot& s) { s.set_weight(11); }},
       {"shot.blend_s", [](v1::Shot& s) { s.set_blend_s(61); }},
       {"shot.frame", [](v1::Shot& s) { s.set_frame(static_cast<v1::Shot::Frame>(9)); }},
       {"shot.line_to_id", [](v1::Shot& s) { s.set_line_to_id(0); }},
@@ -125,6 +127,12 @@ TEST_F(ShotInAnOpening, WhatCannotBeIsWarnedOf) {
   v1::OpenSession open = one_target();
   (void)must_read(open);
   EXPECT_TRUE(warnings.empty());
+  open.mutable_camera()->mutable_position()->set_z(45);
+  (void)must_read(open);
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_TRUE(warnings[0].starts_with("open.camera: is 45 m from the targets")) << warnings[0];
+  open.mutable_camera()->mutable_position()->set_z(6);
+  warnings.clear();
   v1::Shot& shot = *open.mutable_shot();
   shot.set_distance(50), shot.set_height_rad(1.5), shot.add_subject_ids(99);
   (void)must_read(open);

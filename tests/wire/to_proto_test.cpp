@@ -339,7 +339,12 @@ TEST(ToProto, ReasonsAndWhatATargetIsLikeAreSent) {
       {MoveReason::kBodyOverlap, v1::MOVE_REASON_BODY_OVERLAP},
       {MoveReason::kObservedCut, v1::MOVE_REASON_OBSERVED_CUT},
       {MoveReason::kCut, v1::MOVE_REASON_CUT},
-      {MoveReason::kFarViewpoint, v1::MOVE_REASON_FAR_VIEWPOINT}};
+      {MoveReason::kFarViewpoint, v1::MOVE_REASON_FAR_VIEWPOINT},
+      {MoveReason::kOtherShot, v1::MOVE_REASON_OTHER_SHOT},
+      {MoveReason::kBestSoon, v1::MOVE_REASON_BEST_SOON},
+      {MoveReason::kStays, v1::MOVE_REASON_STAYS},
+      {MoveReason::kNearestView, v1::MOVE_REASON_NEAREST_VIEW},
+      {MoveReason::kFarWay, v1::MOVE_REASON_FAR_WAY}};
   for (const auto& [reason, expected] : reasons) {
     answer->step.reason = reason;
     camera_reply_to_proto(*answer, *wire.session, {}, reply);

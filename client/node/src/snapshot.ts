@@ -9,7 +9,7 @@ import {
   ObservedCameraSchema, OpenSessionSchema, StepControlSchema, TickSchema, type CameraReply, type ObservedCamera, type OpenSession, type Tick,
 } from "./gen/sightline/v1/session_pb.js";
 import {CameraLimitsSchema, Settings_Preset, SettingsSchema} from "./gen/sightline/v1/settings_pb.js";
-import {ShotSchema, type Shot, type ShotReport} from "./gen/sightline/v1/shot_pb.js";
+import {Shot_PlaceSchema, ShotSchema, type Shot, type ShotReport} from "./gen/sightline/v1/shot_pb.js";
 import {TuningSchema} from "./gen/sightline/tuning/v1alpha1/tuning_pb.js";
 
 // The changes that ticks made to one instance.
@@ -58,14 +58,16 @@ export class Snapshot {
 
   // The shot as it was asked for last, from where it is now.
   private goOnWithShot(request: OpenSession): void {
-    const {side, height, distance} = this.kept ?? {};
-    if (!side || !height || !distance || distance.asked <= 0) return;
     const shot = request.shot ? clone(ShotSchema, request.shot) : create(ShotSchema);
     shot.cut = false;
     shot.blendS = 0;
-    shot.sideRad = side.asked;
-    shot.heightRad = height.asked;
-    if (shot.far.case !== 'size') shot.far = {case: 'distance', value: distance.asked};
+    if (request.shot) request.shot = shot;
+    const {side, height, distance, placeX = 0, placeY = 0} = this.kept ?? {};
+    if (!side || !height || !distance || distance.asked <= 0) return;
+    if (shot.sideRad === undefined || shot.orbitRadps) shot.sideRad = side.asked;
+    shot.heightRad ??= height.asked;
+    if (!shot.far.case) shot.far = {case: "distance", value: distance.asked};
+    if (!shot.places.length && (placeX || placeY)) shot.places.push(create(Shot_PlaceSchema, {x: placeX, y: placeY}));
     request.shot = shot;
   }
 

@@ -66,14 +66,21 @@ class Snapshot:
 
     def _go_on_with_shot(self, request: OpenSession) -> None:
         """The shot as it was asked for last, from where it is now."""
-        if self._kept is None or self._kept.distance.asked <= 0:
+        if request.HasField("shot"):
+            request.shot.ClearField("cut")
+            request.shot.ClearField("blend_s")
+        kept = self._kept
+        if kept is None or kept.distance.asked <= 0:
             return
         shot = request.shot
-        shot.ClearField("cut")
-        shot.ClearField("blend_s")
-        shot.side_rad, shot.height_rad = self._kept.side.asked, self._kept.height.asked
-        if not shot.HasField("size"):
-            shot.distance = self._kept.distance.asked
+        if not shot.HasField("side_rad") or shot.orbit_radps:
+            shot.side_rad = kept.side.asked
+        if not shot.HasField("height_rad"):
+            shot.height_rad = kept.height.asked
+        if shot.WhichOneof("far") is None:
+            shot.distance = kept.distance.asked
+        if not shot.places and (kept.place_x or kept.place_y):
+            shot.places.add(x=kept.place_x, y=kept.place_y)
 
     def ticks(self, next_sequence: int) -> List[Tick]:
         """The ticks that follow the opening; they get no replies of their own. next_sequence: of the tick after them. Empty before the

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use prost::Message;
 
 use crate::v1::{
-    settings::Preset, shot::Far, tick_error, AttributeChange, Attributes, CameraReply, NewInstance, ObservedCamera, OpenSession, SceneDelta, Shot,
+    settings::Preset, shot::{Far, Place}, tick_error, AttributeChange, Attributes, CameraReply, NewInstance, ObservedCamera, OpenSession, SceneDelta, Shot,
     ShotReport, StepControl, Tick, TickError, Transforms,
 };
 
@@ -71,17 +71,23 @@ impl Snapshot {
 
     /// The shot as it was asked for last, from where it is now.
     fn go_on_with_shot(&self, request: &mut OpenSession) {
-        let Some(ShotReport { side: Some(side), height: Some(height), distance: Some(distance), .. }) = &self.kept else {
+        if let Some(shot) = &mut request.shot {
+            (shot.cut, shot.blend_s) = (false, 0.0);
+        }
+        let Some(ShotReport { side: Some(side), height: Some(height), distance: Some(distance), place_x, place_y, .. }) = &self.kept else {
             return;
         };
         if distance.asked <= 0.0 {
             return;
         }
         let shot = request.shot.get_or_insert_with(Shot::default);
-        (shot.cut, shot.blend_s) = (false, 0.0);
-        (shot.side_rad, shot.height_rad) = (Some(side.asked), Some(height.asked));
-        if !matches!(shot.far, Some(Far::Size(_))) {
-            shot.far = Some(Far::Distance(distance.asked));
+        if shot.side_rad.is_none() || shot.orbit_radps != 0.0 {
+            shot.side_rad = Some(side.asked);
+        }
+        shot.height_rad.get_or_insert(height.asked);
+        shot.far.get_or_insert(Far::Distance(distance.asked));
+        if shot.places.is_empty() && (*place_x != 0.0 || *place_y != 0.0) {
+            shot.places.push(Place { id: 0, x: *place_x, y: *place_y });
         }
     }
 

@@ -177,7 +177,7 @@ type MoveReason int32
 const (
 	// Never sent.
 	MoveReason_MOVE_REASON_UNSPECIFIED MoveReason = 0
-	// All targets are seen from the position that the camera wants to keep.
+	// All targets are seen from the place of the shot, and the camera goes there or is there.
 	MoveReason_MOVE_REASON_AT_DESIRED_PLACE MoveReason = 1
 	// It goes to the nearest position that sees all targets.
 	MoveReason_MOVE_REASON_NEAREST_ALL_VISIBLE MoveReason = 2
@@ -205,6 +205,16 @@ const (
 	// Targets have been hidden for half a second, or are expected to be. It goes to a viewpoint farther away that sees more of them, although
 	// it may see less on its way.
 	MoveReason_MOVE_REASON_FAR_VIEWPOINT MoveReason = 13
+	// All targets are seen from the place where the camera is or goes, but it is not that of the asked shot, since they are seen better from this one.
+	MoveReason_MOVE_REASON_OTHER_SHOT MoveReason = 14
+	// It goes where the targets are expected to be seen best over the coming second. Not all of them are seen from there now.
+	MoveReason_MOVE_REASON_BEST_SOON MoveReason = 15
+	// It stays where it is: no position in reach is expected to be better by more than the way there costs.
+	MoveReason_MOVE_REASON_STAYS MoveReason = 16
+	// No place along its plan sees a target: it goes to the nearest position that sees a part of one.
+	MoveReason_MOVE_REASON_NEAREST_VIEW MoveReason = 17
+	// No target has been seen for a while: it goes through the level to the nearest one, or to where that was seen to go.
+	MoveReason_MOVE_REASON_FAR_WAY MoveReason = 18
 )
 
 // Enum value maps for MoveReason.
@@ -224,6 +234,11 @@ var (
 		11: "MOVE_REASON_ON_TRAIL",
 		12: "MOVE_REASON_CUT",
 		13: "MOVE_REASON_FAR_VIEWPOINT",
+		14: "MOVE_REASON_OTHER_SHOT",
+		15: "MOVE_REASON_BEST_SOON",
+		16: "MOVE_REASON_STAYS",
+		17: "MOVE_REASON_NEAREST_VIEW",
+		18: "MOVE_REASON_FAR_WAY",
 	}
 	MoveReason_value = map[string]int32{
 		"MOVE_REASON_UNSPECIFIED":         0,
@@ -240,6 +255,11 @@ var (
 		"MOVE_REASON_ON_TRAIL":            11,
 		"MOVE_REASON_CUT":                 12,
 		"MOVE_REASON_FAR_VIEWPOINT":       13,
+		"MOVE_REASON_OTHER_SHOT":          14,
+		"MOVE_REASON_BEST_SOON":           15,
+		"MOVE_REASON_STAYS":               16,
+		"MOVE_REASON_NEAREST_VIEW":        17,
+		"MOVE_REASON_FAR_WAY":             18,
 	}
 )
 
@@ -1421,7 +1441,7 @@ const file_sightline_v1_diagnostics_proto_rawDesc = "" +
 	"\x17TRACKING_STATUS_SEEKING\x10\x05\x12\x1b\n" +
 	"\x17TRACKING_STATUS_BLOCKED\x10\x06\x12\x1b\n" +
 	"\x17TRACKING_STATUS_WAITING\x10\a\x12\x18\n" +
-	"\x14TRACKING_STATUS_LOST\x10\b*\xb2\x03\n" +
+	"\x14TRACKING_STATUS_LOST\x10\b*\xb7\x04\n" +
 	"\n" +
 	"MoveReason\x12\x1b\n" +
 	"\x17MOVE_REASON_UNSPECIFIED\x10\x00\x12 \n" +
@@ -1438,7 +1458,12 @@ const file_sightline_v1_diagnostics_proto_rawDesc = "" +
 	"\x12\x18\n" +
 	"\x14MOVE_REASON_ON_TRAIL\x10\v\x12\x13\n" +
 	"\x0fMOVE_REASON_CUT\x10\f\x12\x1d\n" +
-	"\x19MOVE_REASON_FAR_VIEWPOINT\x10\r*X\n" +
+	"\x19MOVE_REASON_FAR_VIEWPOINT\x10\r\x12\x1a\n" +
+	"\x16MOVE_REASON_OTHER_SHOT\x10\x0e\x12\x19\n" +
+	"\x15MOVE_REASON_BEST_SOON\x10\x0f\x12\x15\n" +
+	"\x11MOVE_REASON_STAYS\x10\x10\x12\x1c\n" +
+	"\x18MOVE_REASON_NEAREST_VIEW\x10\x11\x12\x17\n" +
+	"\x13MOVE_REASON_FAR_WAY\x10\x12*X\n" +
 	"\n" +
 	"VolumeUsed\x12\x1b\n" +
 	"\x17VOLUME_USED_UNSPECIFIED\x10\x00\x12\x17\n" +

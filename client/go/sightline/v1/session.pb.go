@@ -824,8 +824,8 @@ type ObservedCamera struct {
 	// The velocity that the suggestion starts again with. Before the first reply after the opening or a cut it counts in any case.
 	// Client units per second; default (0, 0, 0).
 	Velocity *Vec3 `protobuf:"bytes,2,opt,name=velocity,proto3" json:"velocity,omitempty"`
-	// True: the viewer sees this as a cut. The suggestion starts again from this pose, which defines the shot that the camera tries
-	// to keep. Default: false.
+	// True: the viewer sees this as a cut. The suggestion starts again from this pose, which also gives what the
+	// Shot leaves open; without a Shot, it is the shot that the camera tries to keep. Default: false.
 	Cut bool `protobuf:"varint,3,opt,name=cut,proto3" json:"cut,omitempty"`
 	// The angular velocity that the suggestion starts again with; it counts when `velocity` does. As in CameraReply: radians per
 	// second about the client's axes, by the client's handedness; at most 1000. A roll is left out. Default (0, 0, 0).
@@ -923,8 +923,8 @@ type CameraReply struct {
 	Reason MoveReason `protobuf:"varint,12,opt,name=reason,proto3,enum=sightline.v1.MoveReason" json:"reason,omitempty"`
 	// The reason as one sentence for a person.
 	ReasonText string `protobuf:"bytes,13,opt,name=reason_text,json=reasonText,proto3" json:"reason_text,omitempty"`
-	// True: the pose jumped; do not blend from the former one. The cause is an observed cut, Settings.cut_after_s or Shot.cut; `reason` says
-	// which of the first and the others.
+	// True: the pose jumped; do not blend from the former one. The cause is an observed cut, Settings.cut_after_s or Shot.cut; `reason` is
+	// MOVE_REASON_OBSERVED_CUT or MOVE_REASON_CUT.
 	Cut bool `protobuf:"varint,14,opt,name=cut,proto3" json:"cut,omitempty"`
 	// Which volume of candidates was used.
 	VolumeUsed VolumeUsed `protobuf:"varint,15,opt,name=volume_used,json=volumeUsed,proto3,enum=sightline.v1.VolumeUsed" json:"volume_used,omitempty"`
@@ -951,7 +951,7 @@ type CameraReply struct {
 	ViewS *float64 `protobuf:"fixed64,25,opt,name=view_s,json=viewS,proto3,oneof" json:"view_s,omitempty"`
 	// Id of the instance that is in the camera's way; only with TRACKING_STATUS_BLOCKED. 0: no single instance is.
 	BlockedBy uint64 `protobuf:"fixed64,26,opt,name=blocked_by,json=blockedBy,proto3" json:"blocked_by,omitempty"`
-	// The shot in force, and what of it this pose gives up. Absent: no target has a weight, or the settings keep no shot (FOLLOW_STAY).
+	// The shot in force, and how far this pose departs from it. Absent: no target has a weight, or the settings keep no shot (FOLLOW_STAY).
 	Shot          *ShotReport `protobuf:"bytes,27,opt,name=shot,proto3" json:"shot,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache

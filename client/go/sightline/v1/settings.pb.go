@@ -90,7 +90,7 @@ type Settings_Follow int32
 const (
 	// Not sent.
 	Settings_FOLLOW_UNSPECIFIED Settings_Follow = 0
-	// Its position relative to the targets, as it was at the start or after the last observed cut.
+	// Its shot: what the client's Shot says, else its position relative to the targets as it was at the start or after the last observed cut.
 	Settings_FOLLOW_OFFSET Settings_Follow = 1
 	// Its position in the world: it moves only to see better.
 	Settings_FOLLOW_STAY Settings_Follow = 2

@@ -101,8 +101,8 @@ const (
 	Shot_FRAME_WORLD Shot_Frame = 1
 	// The direction in which an instance faces: its `front` axis. For cameras behind or beside somebody who turns.
 	Shot_FRAME_HEADING Shot_Frame = 2
-	// The horizontal direction in which an instance moves; while it is slower than 0.3 m/s, the last such direction. Before it has moved, its heading. For clients that send
-	// no rotations.
+	// The horizontal direction in which an instance moves; while it is slower than 0.3 m/s, the last such direction. If it has not moved since the shot began, the heading that
+	// it had then. For clients that send no rotations.
 	Shot_FRAME_TRAVEL Shot_Frame = 3
 	// The horizontal direction from one instance to another: the line of action between two people.
 	Shot_FRAME_LINE Shot_Frame = 4
@@ -153,12 +153,14 @@ func (Shot_Frame) EnumDescriptor() ([]byte, []int) {
 	return file_sightline_v1_shot_proto_rawDescGZIP(), []int{0, 0}
 }
 
-// The shot that the camera tries to keep. What is not sent is taken from the former shot, and in the first one of a session from the camera's
-// first pose. So a first Shot with FRAME_HEADING alone keeps the first view as it is, but turns with the subject.
+// The shot that the camera tries to keep. A Shot replaces the former one as a whole. If it has no side, no height, or neither distance nor size, the former
+// shot's place relative to its subjects gives the value, and in a session's first Shot the camera's first pose does. So a first Shot with FRAME_HEADING alone keeps the
+// first view as it is, but turns with the subject.
 //
-// The shot holds until another one is sent. It outlives targets that join, leave or take turns, changes of settings and resumed streams.
-// An observed cut begins it again: what was sent stays, and the rest is taken from the new pose. A session without a Shot keeps its
-// first pose as its shot, in FRAME_WORLD.
+// The shot stays in force when targets join, leave or take turns, when settings change, and when a stream is resumed. An observed cut begins it again: what was
+// sent stays, and the rest is taken from the new pose. A session without a Shot keeps its first pose as its shot, in FRAME_WORLD.
+//
+// Shots work with FOLLOW_OFFSET only. How much they count beside sight (Settings.keep_shot, weight, tolerance) works with the strategy MIN_COST only.
 type Shot struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
 	// Ids of the instances whose middle the shot is measured from; at most 32. Default: the targets. Instances that the mirror does not hold do not count; if it holds none,
@@ -169,7 +171,7 @@ type Shot struct {
 	// The instance whose direction counts: for FRAME_HEADING and FRAME_TRAVEL the one that turns, for FRAME_LINE the one at which the line begins.
 	// Default: the first of the subjects, or of the targets.
 	FrameId uint64 `protobuf:"fixed64,3,opt,name=frame_id,json=frameId,proto3" json:"frame_id,omitempty"`
-	// For FRAME_LINE, where it is required: the instance at which the line ends.
+	// For FRAME_LINE, where it is required: the instance at which the line ends. It is another one than frame_id.
 	LineToId uint64 `protobuf:"fixed64,4,opt,name=line_to_id,json=lineToId,proto3" json:"line_to_id,omitempty"`
 	// The axis of an instance that counts as its front, in the frame of the instance; not vertical. It is also the direction of FRAME_WORLD.
 	// Default: the axis along which models face by the client's convention: +X for UNREAL and ROS, -Z for GODOT, +Z for GLTF and UNITY, the
@@ -181,7 +183,8 @@ type Shot struct {
 	// How fast the side turns, [-3, 3]: an orbit. Default: 0.
 	OrbitRadps float64 `protobuf:"fixed64,7,opt,name=orbit_radps,json=orbitRadps,proto3" json:"orbit_radps,omitempty"`
 	// The height from which the camera looks: its elevation over the middle of the subjects, [-pi/2, pi/2], and a little more for rounded numbers. The limits Settings.min_elevation_rad and
-	// max_elevation_rad hold in any case. Above 1.2 rad, the picture does not turn with the camera's way: its upper edge points away from the side of the shot.
+	// max_elevation_rad hold in any case. From 1.2 rad on, the picture does not rotate as the camera
+	// moves: its upper edge points away from the side of the shot. A first pose that looks down more steeply than 1.4 rad keeps its own upper edge.
 	HeightRad *float64 `protobuf:"fixed64,8,opt,name=height_rad,json=heightRad,proto3,oneof" json:"height_rad,omitempty"`
 	// How far away the camera is.
 	//
@@ -190,18 +193,21 @@ type Shot struct {
 	//	*Shot_Distance
 	//	*Shot_Size
 	Far isShot_Far `protobuf_oneof:"far"`
-	// Where subjects are wanted in the picture; at most 32. Targets that the list does not name do not count for the aim, but are kept inside the picture if they fit.
-	// Default: the targets in the middle, or where they are in the session's first picture if that is more than 0.15 of half a picture from the middle.
+	// Where targets are wanted in the picture; at most 32. Targets that the list does not name do not count for the aim, but required ones are kept inside the picture if
+	// they fit. Default: the targets in the middle. In a session without a Shot they stay where they are in the first picture (the one after an observed cut), if they are
+	// between 0.15 and 0.9 of half a picture from the middle there.
 	Places []*Shot_Place `protobuf:"bytes,11,rep,name=places,proto3" json:"places,omitempty"`
 	// How wide the free bands are within which a departure from the shot costs nothing (ShotReport names them), as a factor, [0, 3]. Default: 1. Smaller: the
 	// camera keeps more strictly to its place, and has less freedom to see better and to move calmly.
 	Tolerance *float64 `protobuf:"fixed64,14,opt,name=tolerance,proto3,oneof" json:"tolerance,omitempty"`
+	// How much this shot counts beside sight, as a factor of Settings.keep_shot, [0, 10]. Default: 1.
+	Weight *float64 `protobuf:"fixed64,15,opt,name=weight,proto3,oneof" json:"weight,omitempty"`
 	// True: the camera jumps to the shot, and the reply is flagged as a cut. If there is no room for the camera at its place, or a required target is
 	// hidden from there, it jumps to a near place that shows them all. If no such place is found within half a second, it moves there. Default: false, it moves there
 	// within its limits.
 	Cut bool `protobuf:"varint,12,opt,name=cut,proto3" json:"cut,omitempty"`
 	// The time in which the wanted place changes from that of the former shot to that of this one, seconds, [0, 60]. It begins and ends gently.
-	// Default: 0, it changes at once, and the camera follows as its limits allow.
+	// Default: 0, it changes at once, and the camera follows as its limits allow. It has no effect together with `cut`.
 	BlendS        float64 `protobuf:"fixed64,13,opt,name=blend_s,json=blendS,proto3" json:"blend_s,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
@@ -332,6 +338,13 @@ func (x *Shot) GetTolerance() float64 {
 	return 0
 }
 
+func (x *Shot) GetWeight() float64 {
+	if x != nil && x.Weight != nil {
+		return *x.Weight
+	}
+	return 0
+}
+
 func (x *Shot) GetCut() bool {
 	if x != nil {
 		return x.Cut
@@ -429,7 +442,7 @@ func (x *ShotTerm) GetDeviation() float64 {
 	return 0
 }
 
-// The shot in force, and what of it the returned pose gives up.
+// The shot in force, and how far the returned pose departs from it.
 type ShotReport struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
 	// Azimuth in the frame of the shot, radians. Free: 30 degrees, limit: 120 degrees.
@@ -441,7 +454,7 @@ type ShotReport struct {
 	Distance *ShotTerm `protobuf:"bytes,3,opt,name=distance,proto3" json:"distance,omitempty"`
 	// Distance of the group's aim point from its place, in halves of the picture; `asked` is 0. Free: 0.15, limit: 1.
 	Place *ShotTerm `protobuf:"bytes,4,opt,name=place,proto3" json:"place,omitempty"`
-	// Weighted share of the required targets that the picture lacks, hidden or cut off at its edge, [0, 1].
+	// Weighted share of the required targets (all, if none is required) that the picture lacks, hidden or cut off at its edge, [0, 1].
 	SightLoss float64 `protobuf:"fixed64,5,opt,name=sight_loss,json=sightLoss,proto3" json:"sight_loss,omitempty"`
 	// What the picture is worth, [0, 1]: 1 less sight_loss, less the deviations by their weights (Tuning.move.shot). 1: the shot as asked, with everybody whole.
 	Worth float64 `protobuf:"fixed64,6,opt,name=worth,proto3" json:"worth,omitempty"`
@@ -449,10 +462,14 @@ type ShotReport struct {
 	Limits []ShotLimit `protobuf:"varint,7,rep,packed,name=limits,proto3,enum=sightline.v1.ShotLimit" json:"limits,omitempty"`
 	// Share of the targets that has lately been hidden from the place of the shot, [0, 1]. Only with Settings.search_viewpoints.
 	HiddenShare float64 `protobuf:"fixed64,8,opt,name=hidden_share,json=hiddenShare,proto3" json:"hidden_share,omitempty"`
-	// Id of the instance that hides most there, if anything does; 0: none.
+	// The target that has lately been hidden most from there, if more than 5 % of it has; 0: none.
+	HiddenTarget uint64 `protobuf:"fixed64,10,opt,name=hidden_target,json=hiddenTarget,proto3" json:"hidden_target,omitempty"`
+	// Id of the instance that hid it last; 0: none.
 	HiddenBy uint64 `protobuf:"fixed64,9,opt,name=hidden_by,json=hiddenBy,proto3" json:"hidden_by,omitempty"`
-	// The target that it hides most.
-	HiddenTarget  uint64 `protobuf:"fixed64,10,opt,name=hidden_target,json=hiddenTarget,proto3" json:"hidden_target,omitempty"`
+	// In a session without a Shot: where the targets stay in the picture because they were there in the first one; 0: in the middle. As Shot.Place.x.
+	PlaceX float64 `protobuf:"fixed64,11,opt,name=place_x,json=placeX,proto3" json:"place_x,omitempty"`
+	// As Shot.Place.y.
+	PlaceY        float64 `protobuf:"fixed64,12,opt,name=place_y,json=placeY,proto3" json:"place_y,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -543,6 +560,13 @@ func (x *ShotReport) GetHiddenShare() float64 {
 	return 0
 }
 
+func (x *ShotReport) GetHiddenTarget() uint64 {
+	if x != nil {
+		return x.HiddenTarget
+	}
+	return 0
+}
+
 func (x *ShotReport) GetHiddenBy() uint64 {
 	if x != nil {
 		return x.HiddenBy
@@ -550,9 +574,16 @@ func (x *ShotReport) GetHiddenBy() uint64 {
 	return 0
 }
 
-func (x *ShotReport) GetHiddenTarget() uint64 {
+func (x *ShotReport) GetPlaceX() float64 {
 	if x != nil {
-		return x.HiddenTarget
+		return x.PlaceX
+	}
+	return 0
+}
+
+func (x *ShotReport) GetPlaceY() float64 {
+	if x != nil {
+		return x.PlaceY
 	}
 	return 0
 }
@@ -625,7 +656,7 @@ var File_sightline_v1_shot_proto protoreflect.FileDescriptor
 
 const file_sightline_v1_shot_proto_rawDesc = "" +
 	"\n" +
-	"\x17sightline/v1/shot.proto\x12\fsightline.v1\x1a\x19sightline/v1/camera.proto\"\x9f\x05\n" +
+	"\x17sightline/v1/shot.proto\x12\fsightline.v1\x1a\x19sightline/v1/camera.proto\"\xc7\x05\n" +
 	"\x04Shot\x12\x1f\n" +
 	"\vsubject_ids\x18\x01 \x03(\x06R\n" +
 	"subjectIds\x12.\n" +
@@ -643,7 +674,8 @@ const file_sightline_v1_shot_proto_rawDesc = "" +
 	"\x04size\x18\n" +
 	" \x01(\x01H\x00R\x04size\x120\n" +
 	"\x06places\x18\v \x03(\v2\x18.sightline.v1.Shot.PlaceR\x06places\x12!\n" +
-	"\ttolerance\x18\x0e \x01(\x01H\x03R\ttolerance\x88\x01\x01\x12\x10\n" +
+	"\ttolerance\x18\x0e \x01(\x01H\x03R\ttolerance\x88\x01\x01\x12\x1b\n" +
+	"\x06weight\x18\x0f \x01(\x01H\x04R\x06weight\x88\x01\x01\x12\x10\n" +
 	"\x03cut\x18\f \x01(\bR\x03cut\x12\x17\n" +
 	"\ablend_s\x18\r \x01(\x01R\x06blendS\x1a3\n" +
 	"\x05Place\x12\x0e\n" +
@@ -661,11 +693,12 @@ const file_sightline_v1_shot_proto_rawDesc = "" +
 	"\t_side_radB\r\n" +
 	"\v_height_radB\f\n" +
 	"\n" +
-	"_tolerance\"P\n" +
+	"_toleranceB\t\n" +
+	"\a_weight\"P\n" +
 	"\bShotTerm\x12\x14\n" +
 	"\x05asked\x18\x01 \x01(\x01R\x05asked\x12\x10\n" +
 	"\x03now\x18\x02 \x01(\x01R\x03now\x12\x1c\n" +
-	"\tdeviation\x18\x03 \x01(\x01R\tdeviation\"\x95\x03\n" +
+	"\tdeviation\x18\x03 \x01(\x01R\tdeviation\"\xc7\x03\n" +
 	"\n" +
 	"ShotReport\x12*\n" +
 	"\x04side\x18\x01 \x01(\v2\x16.sightline.v1.ShotTermR\x04side\x12.\n" +
@@ -676,10 +709,12 @@ const file_sightline_v1_shot_proto_rawDesc = "" +
 	"sight_loss\x18\x05 \x01(\x01R\tsightLoss\x12\x14\n" +
 	"\x05worth\x18\x06 \x01(\x01R\x05worth\x12/\n" +
 	"\x06limits\x18\a \x03(\x0e2\x17.sightline.v1.ShotLimitR\x06limits\x12!\n" +
-	"\fhidden_share\x18\b \x01(\x01R\vhiddenShare\x12\x1b\n" +
-	"\thidden_by\x18\t \x01(\x06R\bhiddenBy\x12#\n" +
+	"\fhidden_share\x18\b \x01(\x01R\vhiddenShare\x12#\n" +
 	"\rhidden_target\x18\n" +
-	" \x01(\x06R\fhiddenTarget*\xb5\x01\n" +
+	" \x01(\x06R\fhiddenTarget\x12\x1b\n" +
+	"\thidden_by\x18\t \x01(\x06R\bhiddenBy\x12\x17\n" +
+	"\aplace_x\x18\v \x01(\x01R\x06placeX\x12\x17\n" +
+	"\aplace_y\x18\f \x01(\x01R\x06placeY*\xb5\x01\n" +
 	"\tShotLimit\x12\x1a\n" +
 	"\x16SHOT_LIMIT_UNSPECIFIED\x10\x00\x12\x1b\n" +
 	"\x17SHOT_LIMIT_MIN_DISTANCE\x10\x01\x12\x1b\n" +
