@@ -53,8 +53,10 @@ TEST(AskedShot, ABlendGoesTheShorterWayRoundAndBeginsAndEndsGently) {
 }
 
 // The size of upright capsules in a picture, from a ring of points on each.
-double size_in_picture(std::span<const TrackedTarget> bodies, const glm::dvec3& eye_m, const glm::dvec3& look_at_m, const Lens& lens) {
-  const Pose camera{eye_m, look_rotation(look_at_m - eye_m, {0, 1, 0}, {1, 0, 0})};
+double size_in_picture(std::span<const TrackedTarget> bodies, const glm::dvec3& eye_m, double side_rad, double height_rad, const Lens& lens) {
+  // To the right of somebody who faces along -Z is +X, and the camera looks back.
+  const glm::dquat rotation = glm::angleAxis(kPi - side_rad, glm::dvec3(0, 1, 0)) * glm::angleAxis(-height_rad, glm::dvec3(1, 0, 0));
+  const Pose camera{eye_m, rotation};
   const double top = std::tan(lens.vertical_fov_rad / 2);
   double left = 1e9, right = -1e9, low = 1e9, high = -1e9;
   for (const TrackedTarget& body : bodies)
@@ -78,7 +80,7 @@ TEST(AskedShot, FromTheDistanceForASizeTheBodiesHaveItInThePicture) {
           const TrackedTarget bodies[] = {one, two};
           const glm::dvec3 direction = offset_in_frame({side, height, 1}, 0);
           const double distance_m = distance_for_size_m(size, bodies, {0, 1, 0}, {side, height, 1}, 0, lens);
-          const double is = size_in_picture(bodies, glm::dvec3(0, 1, 0) + distance_m * direction, {0, 1, 0}, lens);
+          const double is = size_in_picture(bodies, glm::dvec3(0, 1, 0) + distance_m * direction, side, height, lens);
           // The rims of the nearer body are nearer than its middle.
           EXPECT_NEAR(is / size, 1, 0.02 + 0.3 / (distance_m - spread_m / 2 - 0.9)) << spread_m << " m, size " << size << ", height " << height << ", side " << side;
         }
