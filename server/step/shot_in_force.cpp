@@ -15,8 +15,8 @@ namespace {
 constexpr double kFrameS = 0.3;
 // The direction of a slower instance says nothing.
 constexpr double kTravelsMps = 0.3;
-// The place of the first picture is kept if it is farther from the middle than the free band, and not at the very edge.
-constexpr double kKeptPlace = 0.15, kFarthestPlace = 0.9;
+// The place of the first picture is kept if it is farther from the middle than the free band, and not so far that it may well be an accident.
+constexpr double kKeptPlace = 0.15, kFarthestPlace = 0.5;
 // From this elevation on, asked and present, the picture's upper edge keeps its direction: wholly from kAboveBandRad higher on. In a session that never asked for a
 // shot, the first pose must look down more steeply. Where the targets are aside by more than kMostAside of half a picture, the camera turns to them.
 constexpr double kFromAboveRad = 1.2, kAboveBandRad = 0.1, kSurelyAboveRad = 1.4, kMostAside = 0.9, kAsideBand = 0.4;

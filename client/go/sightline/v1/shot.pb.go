@@ -195,7 +195,7 @@ type Shot struct {
 	Far isShot_Far `protobuf_oneof:"far"`
 	// Where targets are wanted in the picture; at most 32. Targets that the list does not name do not count for the aim, but required ones are kept inside the picture if
 	// they fit. Default: the targets in the middle. In a session without a Shot they stay where they are in the first picture (the one after an observed cut), if they are
-	// between 0.15 and 0.9 of half a picture from the middle there.
+	// between 0.15 and 0.5 of half a picture from the middle there.
 	Places []*Shot_Place `protobuf:"bytes,11,rep,name=places,proto3" json:"places,omitempty"`
 	// How wide the free bands are within which a departure from the shot costs nothing (ShotReport names them), as a factor, [0, 3]. Default: 1. Smaller: the
 	// camera keeps more strictly to its place, and has less freedom to see better and to move calmly.
