@@ -58,7 +58,8 @@ internal sealed class Snapshot {
             request.Shot.BlendS = 0;
         }
         if (kept == null || !(kept.Distance.Asked > 0)) return;
-        var shot = request.Shot ??= new Shot();
+        if (request.Shot == null) request.Shot = new Shot();
+        var shot = request.Shot;
         if (!shot.HasSideRad || shot.OrbitRadps != 0) shot.SideRad = kept.Side.Asked;
         if (!shot.HasHeightRad) shot.HeightRad = kept.Height.Asked;
         if (shot.FarCase == Shot.FarOneofCase.None) shot.Distance = kept.Distance.Asked;
