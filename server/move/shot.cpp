@@ -31,7 +31,8 @@ struct SharesAt {
 class ShotCosts {
  public:
   ShotCosts(const ViewpointMap& viewpoints, std::span<const TrackedTarget> targets, const ShotWish& wish, const MoveSettings& settings)
-      : viewpoints_(viewpoints), targets_(targets), settings_(settings), asked_m_(wish.asked_m), subjects_m_(wish.subjects_m), tolerance_(wish.tolerance), keep_shot_(settings.keep_shot * wish.weight),
+      : viewpoints_(viewpoints), targets_(targets), settings_(settings), asked_m_(wish.asked_m), subjects_m_(wish.subjects_m),
+        tolerance_(wish.tolerance), keep_shot_(settings.keep_shot * wish.weight),
         asked_(shot_from(wish.asked_m - wish.subjects_m, kAnyFovRad)), present_(shot_from(wish.present_m - wish.subjects_m, kAnyFovRad)) {}
 
   double sight_loss(size_t place) const {
@@ -42,8 +43,8 @@ class ShotCosts {
     const glm::dvec3 offset_m = viewpoints_.offset_m(place);
     const ShotProperties shot = shot_from(offset_m - subjects_m_, kAnyFovRad);
     return keep_shot_ * (kAside * glm::distance(offset_m, asked_m_) / glm::length(asked_m_) +
-                                  shot_loss(deviation_between(asked_, shot, tolerance_), settings_.shot) +
-                                  kChange * shot_loss(deviation_between(present_, shot, tolerance_), settings_.shot));
+                         shot_loss(deviation_between(asked_, shot, tolerance_), settings_.shot) +
+                         kChange * shot_loss(deviation_between(present_, shot, tolerance_), settings_.shot));
   }
 
  private:

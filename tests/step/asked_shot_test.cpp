@@ -223,18 +223,22 @@ TEST(AskedShot, ACutToAPlaceInsideAWallGoesToANearPlaceThatSeesTheTarget) {
   EXPECT_GT(result.targets[0].visible_share, 0.95);
 }
 
-TEST(AskedShot, ACutLooksBeyondTheFirstPlacesWhichAreAllBlocked) {
-  // Walls all round but for a way in from one side; the target is in sight all the time.
-  Shown world({0, 1.6, 3});
-  for (uint64_t i = 0; i < 3; ++i) world.add_box(20 + i, {i == 0 ? 0.0 : i == 1 ? 5.5 : -5.5, 4, i == 0 ? -5.5 : 0}, {i == 0 ? 9.f : 3.5f, 8, i == 0 ? 3.5f : 9.f});
+// A booth that is open to one side hides the target from the places near the shot, which all have room. The camera sees it all the time. Without
+// the viewpoint search, the order of the places stays as it is.
+TEST(AskedShot, ACutLooksBeyondTheFirstPlacesFromWhichTheTargetIsHidden) {
+  Shown world({0, 1.2, 4});
+  world.settings.move.search_viewpoints = false;
+  world.add_box(20, {0, 1.3, -1.2}, {1.3f, 1.3f, 0.05f});
+  for (const double x_m : {-1.2, 1.2}) world.add_box(x_m < 0 ? 21 : 22, {x_m, 1.3, 0}, {0.05f, 1.3f, 1.2f});
+  world.add_box(23, {0, 2.6, 0}, {1.3f, 0.05f, 1.3f});
   world.step(kTick);
   AskedShot there;
-  there.side_rad = kPi, there.height_rad = 0.3, there.distance_m = 5, there.cut = true;
+  there.side_rad = kPi / 2, there.height_rad = 0.3, there.distance_m = 5, there.cut = true;
   world.ask(there);
   StepResult result;
   for (int i = 0; i < 30 && !result.cut; ++i) result = world.step(kTick);
   ASSERT_TRUE(result.cut);
-  EXPECT_GT(result.targets[0].visible_share, 0.95);
+  EXPECT_GT(result.targets[0].visible_share, 0.7);
 }
 
 TEST(AskedShot, ACutWithoutARequiredTargetStillShowsTheTarget) {
