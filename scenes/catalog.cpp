@@ -15,6 +15,7 @@
 #include "scenes/maze.h"
 #include "scenes/open_ground.h"
 #include "scenes/pitch.h"
+#include "scenes/roofs.h"
 #include "scenes/rooms.h"
 #include "scenes/stairwell.h"
 #include "scenes/streets.h"
@@ -63,6 +64,27 @@ std::vector<CatalogEntry> paper_entries() {
   };
 }
 
+CatalogEntry roof_entry(std::string name, std::string summary, const RoofsOptions& options) {
+  return {std::move(name), std::move(summary), SceneGroup::kRoofs, [options](const SceneRequest& r) {
+            RoofsOptions seeded = options;
+            seeded.seed = r.seed;
+            return make_roofs(seeded);
+          }};
+}
+
+std::vector<CatalogEntry> roof_entries() {
+  return {
+      roof_entry("roof-two", "two people stand in a furnished room", {.people = 2}),
+      roof_entry("roof-three", "three people stand in a furnished room", {.people = 3}),
+      roof_entry("roof-four", "four people stand in a furnished room", {.people = 4}),
+      roof_entry("roof-two-walk", "two people walk about in a furnished hall", {.people = 2, .walk = true}),
+      roof_entry("roof-three-walk", "three people walk about in a furnished hall", {.people = 3, .walk = true}),
+      roof_entry("roof-four-walk", "four people walk about in a furnished hall", {.people = 4, .walk = true}),
+      roof_entry("roof-corridor", "two people stand in a corridor 3 m wide", {.corridor = true}),
+      roof_entry("roof-corridor-walk", "two people walk along a corridor 3 m wide", {.walk = true, .corridor = true}),
+  };
+}
+
 std::vector<CatalogEntry> situation_entries() {
   constexpr SceneGroup kGroup = SceneGroup::kSituations;
   return {
@@ -104,7 +126,7 @@ std::vector<CatalogEntry> situation_entries() {
 
 std::vector<CatalogEntry> all_entries() {
   std::vector<CatalogEntry> all = study_entries();
-  for (std::vector<CatalogEntry> more : {level_entries(), tile_entries(), situation_entries(), paper_entries()})
+  for (std::vector<CatalogEntry> more : {level_entries(), tile_entries(), roof_entries(), situation_entries(), paper_entries()})
     all.insert(all.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
   return all;
 }
@@ -119,6 +141,8 @@ std::string_view name_of(SceneGroup group) {
       return "levels";
     case SceneGroup::kTiles:
       return "tiles";
+    case SceneGroup::kRoofs:
+      return "roofs";
     case SceneGroup::kSituations:
       return "situations";
     case SceneGroup::kPaper:

@@ -26,13 +26,14 @@ enum class SceneGroup {
   kStudy,       // one difficulty each: what the results page shows
   kLevels,      // rooms, halls and storeys of plain boxes
   kTiles,       // the same levels of the tiles of a folder
+  kRoofs,       // two to four people under a low ceiling
   kSituations,  // one unusual use each: a lift, a maze, a car in streets, targets that part
   kPaper,       // scenes of the study as the paper's own experiments have them
 };
-std::string_view name_of(SceneGroup group);  // "study", "levels", "tiles", "situations", "paper"
+std::string_view name_of(SceneGroup group);  // "study", "levels", "tiles", "roofs", "situations", "paper"
 std::optional<SceneGroup> find_group(std::string_view name);
 inline constexpr SceneGroup kAllGroups[] = {SceneGroup::kStudy, SceneGroup::kLevels, SceneGroup::kTiles,
-                                             SceneGroup::kSituations, SceneGroup::kPaper};
+                                             SceneGroup::kRoofs, SceneGroup::kSituations, SceneGroup::kPaper};
 
 struct CatalogEntry {
   std::string name;  // also the file's name, before ".glb"

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <unordered_map>
 #include <utility>
 
+#include "client/ceiling/shot_cost.h"
 #include "client/ceiling/sight.h"
 #include "client/truth/truth.h"
 
@@ -25,6 +27,8 @@ constexpr double kGentle = 0.35;
 // Rays to each target. If the first ones all arrive, the others are traced too. Otherwise the search would prefer places at which a
 // few rays happen to miss the occluder.
 constexpr size_t kFirstRays = 16, kAllRays = kExtentPoints;
+// Rays to each target for what a picture is worth. That is no matter of yes or no, so a ray more or less changes little.
+constexpr size_t kWorthRays = 24;
 // The shares of rays beyond which no picture needs to be taken.
 constexpr double kSurelyHidden = 0.75, kSurelySeen = 0.98;
 // In a picture that is taken, a target should cover about this many pixels. It is judged more strictly than by the judge, whose
@@ -82,6 +86,7 @@ class Beam {
         lens_(world.scenario().lens()),
         sight_(world, extents, place_limits, kFirstRays) {
     set_tick(0);
+    if (options.aim == PlanAim::kWorth) shot_cost_.emplace(sight_, world.targets_center_m(), world.scenario().camera(), lens_);
   }
 
   BeamResult run(const Pose& start) {
@@ -121,6 +126,7 @@ class Beam {
     const std::vector<Affine> before = mover_frames();
     world_.set_time(timeline_.tick_time_s(tick));
     sight_.refresh(tick);
+    center_m_ = world_.targets_center_m();
     const size_t stage = tick / timeline_.ticks_per_stage;
     careful_ = stage < options_.careful_stages.size() && options_.careful_stages[stage];
     const std::vector<Affine> now = mover_frames();
@@ -256,6 +262,11 @@ class Beam {
 
   // Most pictures are decided by a few rays. Only where these leave doubt, the picture is taken as the judge takes it.
   void take_picture(State& state) const {
+    if (shot_cost_) {
+      const Pose pose{state.place_m, rotation_from_angles(state.turn.angles)};
+      state.cost += shot_cost_->of(pose, center_m_, kWorthRays);
+      return;
+    }
     if (!sight_.is_allowed(state.place_m)) {
       state.cost += costs_.picture(false, 0.0);
       return;
@@ -325,6 +336,8 @@ class Beam {
   const Lens lens_;
   const std::vector<glm::dvec3> directions_ = directions();
   SightEstimate sight_;
+  std::optional<ShotCost> shot_cost_;  // of a plan for kWorth
+  glm::dvec3 center_m_{0.0};           // of the targets
   double mover_travel_m_ = 0.0;  // since the tick before
   bool careful_ = false;
 };

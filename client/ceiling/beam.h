@@ -19,6 +19,7 @@ namespace sightline {
 inline constexpr double kTouchCost = 1e5;
 
 struct BeamOptions {
+  PlanAim aim = PlanAim::kJoint;
   size_t width = 400;  // states that are kept after each step
   size_t tried = 800;  // states that are played exactly in each step
   std::vector<bool> careful_stages;  // stages whose pictures are always taken as the judge takes them; may be shorter than the plan

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <optional>
 
 #include "client/ceiling/costs_to_go.h"
+#include "client/ceiling/shot_cost.h"
 #include "client/ceiling/sight.h"
 #include "client/truth/truth.h"
 
@@ -75,14 +77,19 @@ class Planner {
                           place_limits.max_distance_m)),
         near_m_(options.near_m + path_.spread_m),
         sight_(world, extents, place_limits, options.rays),
-        grid_(make_grid()) {}
+        grid_(make_grid()) {
+    if (options.aim != PlanAim::kWorth) return;
+    sight_.refresh(0);  // make_grid has set the world's first moment
+    shot_cost_.emplace(sight_, world.targets_center_m(), world.scenario().camera(), world.scenario().lens());
+  }
 
   CeilingPlan plan() {
     CeilingPlan plan;
     plan.places = grid_.size();
     Guide guide(grid_, timeline_.stages());
-    if (grid_.size() > 0) plan.most_joint = look_back(guide);
+    if (grid_.size() > 0) plan.most = look_back(guide);
     BeamOptions beam = options_.beam;
+    beam.aim = options_.aim;
     beam.careful_stages.assign(timeline_.stages(), false);
     for (int round = 0; round < kRounds; ++round) {
       BeamResult found = search_beam(world_, extents_, world_.scenario().camera(), guide, timeline_, limits_,
@@ -91,7 +98,7 @@ class Planner {
       const auto count = static_cast<double>(std::count(hidden.begin(), hidden.end(), true));
       const double joint = 1 - count / static_cast<double>(timeline_.stages());
       if (round == 0 || joint > plan.joint) plan.joint = joint, plan.path = std::move(found.path);
-      if (count <= std::floor(found.cost)) break;
+      if (shot_cost_ || count <= std::floor(found.cost)) break;
       std::transform(hidden.begin(), hidden.end(), beam.careful_stages.begin(), beam.careful_stages.begin(), std::logical_or<>());
     }
     return plan;
@@ -136,7 +143,7 @@ class Planner {
     });
   }
 
-  // Fills the guide. Returns the upper estimate of the joint share.
+  // Fills the guide. Returns the upper estimate of what the plan aims at.
   double look_back(Guide& guide) {
     CostsToGo careful(grid_.graph(), costs_.per_m), doubtful(grid_.graph(), 0.0);
     const double stage_m = limits_.max_speed_mps * timeline_.stage_s();
@@ -166,14 +173,11 @@ class Planner {
     sight_.refresh(stage);
     const glm::dvec3 center_m = world_.targets_center_m();
     const double flight_m = farthest_flight_m(timeline_.stage_s() * static_cast<double>(stage));
-    seen_.assign(grid_.size(), TargetsSeen{});
-    looked_.assign(grid_.size(), false);
+    looked_.assign(grid_.size(), std::nullopt);
     for (uint32_t place = 0; place < grid_.size(); ++place) {
-      const TargetsSeen seen = look_from(place, glm::distance(grid_.place_m(place), center_m));
-      const bool shows_all = seen.allowed && seen.least_share >= 1 - kPartialTolerance;
-      cost[place] = static_cast<float>(costs_.picture(shows_all, seen.mean_share));
-      doubtful_cost[place] = seen.allowed && seen.least_share >= kDoubtfulShare ? 0.0f : 1.0f;
-      if (glm::distance(grid_.place_m(place), start_m()) > flight_m) doubtful_cost[place] = kBarredCost;
+      const PictureCost picture = look_from(place, center_m);
+      cost[place] = picture.careful;
+      doubtful_cost[place] = glm::distance(grid_.place_m(place), start_m()) > flight_m ? kBarredCost : picture.doubtful;
     }
     block_movers(cost, doubtful_cost);
   }
@@ -185,14 +189,27 @@ class Planner {
     return speed_mps * (speed_up_s + timeline_.tick_s) / 2 + speed_mps * (time_s - speed_up_s) + std::sqrt(3.0) * grid_.spacing_m();
   }
 
+  // The cost of a picture from a place: for the guide, and for the upper estimate.
+  struct PictureCost {
+    float careful = 0.0f, doubtful = 0.0f;
+  };
   // Far from the targets, a place takes over what its neighbour with even coordinates sees.
-  TargetsSeen look_from(uint32_t place, double distance_m) {
+  PictureCost look_from(uint32_t place, const glm::dvec3& center_m) {
     uint32_t from = place;
-    if (distance_m > near_m_)
+    if (glm::distance(grid_.place_m(place), center_m) > near_m_)
       if (const uint32_t even = grid_.at(grid_.cell(place) & ~1); even != kNoPlace) from = even;
-    if (!looked_[from]) seen_[from] = sight_.from(grid_.place_m(from));
-    looked_[from] = true;
-    return seen_[from];
+    if (!looked_[from]) looked_[from] = picture_cost(grid_.place_m(from), center_m);
+    return *looked_[from];
+  }
+  PictureCost picture_cost(const glm::dvec3& eye_m, const glm::dvec3& center_m) const {
+    if (shot_cost_) {
+      const auto cost = static_cast<float>(shot_cost_->from(eye_m, center_m, options_.rays));
+      return {cost, cost};
+    }
+    const TargetsSeen seen = sight_.from(eye_m);
+    const bool shows_all = seen.allowed && seen.least_share >= 1 - kPartialTolerance;
+    return {static_cast<float>(costs_.picture(shows_all, seen.mean_share)),
+            seen.allowed && seen.least_share >= kDoubtfulShare ? 0.0f : 1.0f};
   }
 
   // Bars the places where the body would touch a moving collider. The guide may hope for a free point beside it.
@@ -228,9 +245,8 @@ class Planner {
   const double reach_m_, near_m_;
   SightEstimate sight_;
   const PlaceGrid grid_;
-  // By place, at the present stage.
-  std::vector<TargetsSeen> seen_;
-  std::vector<bool> looked_;
+  std::optional<ShotCost> shot_cost_;  // of a plan for kWorth
+  std::vector<std::optional<PictureCost>> looked_;  // by place, at the present stage
 };
 
 }  // namespace

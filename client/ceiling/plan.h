@@ -3,9 +3,9 @@
 // The plan is made in two parts. A dynamic program over free places and time (costs_to_go.h), backwards from the end, finds in how many
 // pictures all targets can still be shown from where. Then a beam search (beam.h) finds a motion that keeps all limits
 // exactly, with the dynamic program as its guide. The judge's figures of that motion were reached, so the true ceiling is
-// no lower. `most_joint` is the other end of the interval: a second dynamic program with the benefit of the doubt throughout. Its camera
+// no lower. A plan for kWorth is made in the same way, and pays for what each picture loses against the first one's shot. `most` is the other end of the interval: a second dynamic program with the benefit of the doubt throughout. Its camera
 // keeps the acceleration limit only at its start, may be faster than the speed limit, and sees a target although some of its points are
-// hidden.
+// hidden. For kWorth such a target counts with the rays that arrive.
 //
 // That end is an estimate on a grid, not a proof: a view that exists only between the grid's places, or beyond its reach, is not found.
 #pragma once
@@ -30,6 +30,7 @@ struct PlanOptions {
   // The guide's camera needs no time to accelerate. Along an axis it has this speed, or that of the targets' centre if that is greater, up to the speed
   // limit. Faster than a camera can be on average, it would promise what cannot be kept.
   double guide_speed_mps = 3.5;
+  PlanAim aim = PlanAim::kJoint;
   size_t most_places = 200'000;
   BeamOptions beam;
 };
@@ -37,7 +38,7 @@ struct PlanOptions {
 struct CeilingPlan {
   std::vector<Pose> path;   // by tick
   double joint = 0.0;       // share of the stages that show all targets, by the judge's pictures
-  double most_joint = 1.0;  // the upper estimate
+  double most = 1.0;        // the upper estimate: of `joint`, or of the mean worth of the stages' pictures
   size_t places = 0;
 };
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "client/truth/truth.h"
+
 namespace sightline {
 namespace {
 
@@ -68,18 +70,45 @@ TargetsSeen SightEstimate::shares(const glm::dvec3& eye_m, size_t rays, size_t k
 
 double SightEstimate::share(const Body& body, const glm::dvec3& eye_m, size_t rays, size_t known_free) const {
   const auto points = body.surface->points(transform_point(body.mesh_from_world, eye_m));
-  RayFilter filter;
-  filter.layer_mask = body.layer_mask;
-  filter.ignored_slots = std::span(&body.slot, 1);
+  const RayFilter filter = filter_of(body);
   size_t seen = known_free;
   for (size_t k = known_free; k < rays; ++k) {
     if (k == kFirstRays && seen == 0) return 0.0;
     const glm::dvec3 point_m = transform_point(body.world_from_mesh, points[(first_point_ + k) % kExtentPoints]);
-    const glm::vec3 way(point_m - eye_m);
-    const auto near = static_cast<float>(lens_.near_m / std::max(1e-3f, glm::length(way)));
-    seen += !world_.occluders().is_blocked(eye_m, way, near, kRayEnd, filter);
+    seen += reaches(eye_m, point_m, filter);
   }
   return static_cast<double>(seen) / static_cast<double>(rays);
+}
+
+RayFilter SightEstimate::filter_of(const Body& body) const {
+  RayFilter filter;
+  filter.layer_mask = body.layer_mask;
+  filter.ignored_slots = std::span(&body.slot, 1);
+  return filter;
+}
+
+bool SightEstimate::reaches(const glm::dvec3& eye_m, const glm::dvec3& point_m, const RayFilter& filter) const {
+  const glm::vec3 way(point_m - eye_m);
+  const auto near = static_cast<float>(lens_.near_m / std::max(1e-3f, glm::length(way)));
+  return !world_.occluders().is_blocked(eye_m, way, near, kRayEnd, filter);
+}
+
+double SightEstimate::whole_share(const Body& body, const Pose& world_from_camera, size_t rays) const {
+  const glm::dvec3& eye_m = world_from_camera.position_m;
+  const auto points = body.surface->points(transform_point(body.mesh_from_world, eye_m));
+  const RayFilter filter = filter_of(body);
+  size_t seen = 0;
+  for (size_t k = 0; k < rays; ++k) {
+    const glm::dvec3 point_m = transform_point(body.world_from_mesh, points[(first_point_ + k) % kExtentPoints]);
+    seen += in_picture(world_from_camera, lens_, point_m) && reaches(eye_m, point_m, filter);
+  }
+  return static_cast<double>(seen) / static_cast<double>(rays);
+}
+
+double SightEstimate::whole_loss(const Pose& world_from_camera, size_t rays) const {
+  double loss = 0.0;
+  for (const Body& body : bodies_) loss += std::max(0.0, kLeastOfWhole - whole_share(body, world_from_camera, rays)) / kLeastOfWhole;
+  return loss / static_cast<double>(bodies_.size());
 }
 
 bool SightEstimate::fits(const glm::dvec3& eye_m) const {

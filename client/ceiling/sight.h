@@ -39,6 +39,9 @@ class SightEstimate {
   // If all of the first `known_free` rays are known to reach every target from here, they are not traced again.
   bool is_allowed(const glm::dvec3& eye_m) const { return place_limits_->hold(eye_m); }
   TargetsSeen shares(const glm::dvec3& eye_m, size_t rays, size_t known_free = 0) const;
+  // What a picture lacks of the targets' whole bodies, hidden and cut off at its edge alike, [0, 1]: sight_loss in client/truth/coherence.h, found with
+  // `rays` points of each body. The limits of distance and elevation do not count.
+  double whole_loss(const Pose& world_from_camera, size_t rays) const;
   std::span<const TrackedTarget> targets() const { return targets_; }
 
  private:
@@ -49,6 +52,9 @@ class SightEstimate {
     uint32_t layer_mask = 0;
   };
   double share(const Body& body, const glm::dvec3& eye_m, size_t rays, size_t known_free) const;
+  double whole_share(const Body& body, const Pose& world_from_camera, size_t rays) const;
+  RayFilter filter_of(const Body& body) const;
+  bool reaches(const glm::dvec3& eye_m, const glm::dvec3& point_m, const RayFilter& filter) const;
   bool fits(const glm::dvec3& eye_m) const;
 
   const ScenarioWorld& world_;

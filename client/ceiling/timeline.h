@@ -20,7 +20,13 @@ struct Timeline {
 // A step of a plan: the camera's acceleration is constant for this many stages.
 inline constexpr size_t kStagesPerStep = 2;
 
-// The costs of a plan, in pictures. The weights are so small that no sum of them over a plan reaches one picture. So a path that shows
+// What a plan has as much of as it can.
+enum class PlanAim {
+  kJoint,  // pictures that show all targets
+  kWorth,  // what its pictures are worth: the first picture's shot, with everybody whole (client/truth/coherence.h)
+};
+
+// The costs of a plan for kJoint, in pictures. A plan for kWorth pays 1 - worth for each picture, and the same for its way. The weights are so small that no sum of them over a plan reaches one picture. So a path that shows
 // all targets in more pictures is always better. Of equal ones the greater visible share wins, then the shorter path.
 struct PlanCosts {
   double hidden_share = 0.0;  // of a picture in which the mean visible share is 0; it also costs 1

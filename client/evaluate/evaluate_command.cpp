@@ -102,7 +102,7 @@ Result<std::vector<PolicyEntry>> policies_of(const EvaluateOptions& options) {
     if (!has_name(known, name)) return fail(ErrorCode::kNotFound, "policy", "no policy \"" + name + "\"");
   std::vector<PolicyEntry> chosen;
   for (const PolicyEntry& entry : known)
-    if (asked.empty() ? entry.name != kCeilingName : std::find(asked.begin(), asked.end(), entry.name) != asked.end())
+    if (asked.empty() ? !is_ceiling(entry.name) : std::find(asked.begin(), asked.end(), entry.name) != asked.end())
       chosen.push_back(entry);
   for (const std::string& text : options.settings) {
     auto named = read_named_settings(text);

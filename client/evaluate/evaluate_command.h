@@ -18,7 +18,7 @@ struct EvaluateOptions {
   std::vector<std::string> scenes;    // names of generated scenes, and paths of .glb or .gltf files
   std::vector<std::string> groups;    // of generated scenes, by name; without scenes and groups: "study"
   std::string tiles;                  // folder of the tile set; empty: the environment variable SIGHTLINE_TILES names it
-  std::vector<std::string> policies;  // names; empty: all built-in policies but "ceiling"
+  std::vector<std::string> policies;  // names; empty: all built-in policies but the ceilings
   std::vector<std::string> settings;  // NAME=JSON, each a further policy (read_named_settings in policy.h)
   int seeds = 5;                      // [1, 100]: how many, one after the other
   uint64_t first_seed = 1;

@@ -142,7 +142,7 @@ class Run {
       progress_(kPlayShare * static_cast<double>(k) / static_cast<double>(ticks));
     }
     if (played.pair_volumes) record_.pair_volume_share = double(*played.pair_volumes) / static_cast<double>(ticks);
-    record_.most_joint = (*policy)->most_joint();
+    record_.most_joint = (*policy)->most_joint(), record_.most_worth = (*policy)->most_worth();
     record_.timing.step_ms = 1000 * steps_s / static_cast<double>(ticks);
     return played;
   }

@@ -67,7 +67,7 @@ struct RunRecord {
   std::optional<StatusMetrics> status;
   std::optional<GoalMetrics> goals;
   std::optional<double> pair_volume_share;  // share of the frames with PolicyStep::pair_volume
-  std::optional<double> most_joint;  // only for policies that know it (policy.h)
+  std::optional<double> most_joint, most_worth;  // only for policies that know them (policy.h)
   std::vector<JudgedPicture> pictures;
   RunTiming timing;
 };

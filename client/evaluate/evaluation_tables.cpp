@@ -92,8 +92,8 @@ Means over seeds. Collisions and violations are frames, summed over seeds; blind
   worth           mean worth of a picture, 0 to 1: whole bodies, in the shot of the first frame (server/move/picture_worth.h)
   size            height of the largest target in picture heights, 95th percentile; from 1 on it is cut off
   asked, height   elevation of the camera over the targets in degrees: in the first frame, and the median
-  of ceiling      joint as a share of what the policy ceiling reaches
-  at most         upper estimate of the joint share of any camera
+  of ceiling      joint and worth as shares of what the policies ceiling and ceiling-worth reach
+  at most         upper estimates of the joint share and of the worth of any camera
   r_N             share of pictures without a visible pixel of any target
   blind           longest stretch of such pictures
   with way        longest part of one in which a place that sees a target could be reached within 2 s
@@ -158,17 +158,18 @@ double mean(const Group& group, Value value) {
   return sum(group, value) / static_cast<double>(group.size());
 }
 
-// The group's mean as a share of the ceiling's mean, over the seeds that both have played. It is empty if the ceiling did not play or
-// sees nothing.
-std::string share_of_ceiling(const Group& group, const std::vector<Group>& groups) {
+// The group's mean as a share of a ceiling's mean, over the seeds that both have played. It is empty if the ceiling did not play or
+// reaches nothing.
+template <typename Value>
+std::string share_of_ceiling(std::string_view name, const Group& group, const std::vector<Group>& groups, Value value) {
   double own = 0.0, most = 0.0;
   for (const Group& other : groups) {
-    if (other.front()->policy != kCeilingName || other.front()->scene != group.front()->scene) continue;
+    if (other.front()->policy != name || other.front()->scene != group.front()->scene) continue;
     for (const Run* ceiling : other)
       for (const Run* run : group)
         if (run->seed == ceiling->seed) {
-          own += run->metrics.joint_visible_share();
-          most += ceiling->metrics.joint_visible_share();
+          own += value(*run);
+          most += value(*ceiling);
         }
   }
   return most > 0 ? formatted("%.1f %%", 100 * own / most) : "";
@@ -197,14 +198,14 @@ void write_runs(std::ostream& out, std::span<const Run> runs) {
   for (const Column& column : kAnswerColumns) out << ',' << column.name;
   for (const OptionalColumns& group : kOptionalColumns)
     for (const Column& column : group.columns) out << ',' << column.name;
-  out << ",most_joint,reaction_delays_s\n";
+  out << ",most_joint,most_worth,reaction_delays_s\n";
   for (const Run& run : runs) {
     write_identity(out, run);
     for (const RunFigure& figure : run_figures()) out << ',' << exact_text(figure.of(run.metrics));
     for (const Column& column : kAnswerColumns) out << ',' << exact_text(column.of(run));
     for (const OptionalColumns& group : kOptionalColumns)
       for (const Column& column : group.columns) out << ',' << (group.has(run) ? exact_text(column.of(run)) : "");
-    out << ',' << (run.most_joint ? exact_text(*run.most_joint) : "") << ",\"";
+    out << ',' << (run.most_joint ? exact_text(*run.most_joint) : "") << ',' << (run.most_worth ? exact_text(*run.most_worth) : "") << ",\"";
     for (const double delay_s : run.reaction.delays_s) out << exact_text(delay_s) << ' ';
     out << "\"\n";
   }
@@ -241,8 +242,10 @@ void print_summary(std::ostream& out, std::span<const Run> runs) {
                {"size", true},
                {"asked", true},
                {"height", true},
-               {"of ceiling", true},
-               {"at most", true},
+               {"joint of ceiling", true},
+               {"joint at most", true},
+               {"worth of ceiling", true},
+               {"worth at most", true},
                {"r_N", true},
                {"blind s", true},
                {"with way s", true},
@@ -274,8 +277,10 @@ void print_summary(std::ostream& out, std::span<const Run> runs) {
                of("%.2f", [](const Run& r) { return r.metrics.p95_size_pictures; }),
                of("%.0f", [](const Run& r) { return degrees(r.coherence.asked_height_rad); }),
                of("%.0f", [](const Run& r) { return degrees(r.coherence.median_height_rad); }),
-               share_of_ceiling(group, groups),
+               share_of_ceiling(kCeilingName, group, groups, [](const Run& r) { return r.metrics.joint_visible_share(); }),
                group.front()->most_joint ? percent(mean(group, [](const Run& r) { return *r.most_joint; })) : "",
+               share_of_ceiling(kWorthCeilingName, group, groups, [](const Run& r) { return r.coherence.mean_worth; }),
+               group.front()->most_worth ? of("%.2f", [](const Run& r) { return *r.most_worth; }) : "",
                percent(mean(group, [](const Run& r) { return r.metrics.r_n; })),
                formatted("%.1f", greatest(group, [](const Run& r) { return r.metrics.longest_blind_s; })),
                formatted("%.1f", greatest(group, [](const Run& r) { return r.longest_blind_with_way_s; })),
@@ -312,6 +317,7 @@ nlohmann::ordered_json summary_json(std::span<const Run> runs) {
       if (only(group, columns.has).size() == group.size())
         for (const Column& column : columns.columns) put(column.name, column.of);
     if (group.front()->most_joint) put("most_joint", [](const Run& run) { return *run.most_joint; });
+    if (group.front()->most_worth) put("most_worth", [](const Run& run) { return *run.most_worth; });
   }
   return rows;
 }

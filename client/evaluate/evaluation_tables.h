@@ -20,7 +20,7 @@ namespace sightline {
 //   reports.h    reported_pairs to filtered_share_error, and the status: tracking_while_lost, lost_called_tracking,
 //                tracking_while_half_hidden
 //   motion.h     goal_jumps_per_s
-// most_joint is the upper estimate of the joint share that only the policy "ceiling" has.
+// most_joint and most_worth are the upper estimates of the joint share and of the worth, which only the policies "ceiling" and "ceiling-worth" have.
 void write_runs(std::ostream& out, std::span<const RunRecord> runs);
 // One row a judged picture: its time, the camera's position (world, metres) and the visible share of the target that is seen least. The
 // last columns are 0 or 1. `lost`: no pixel of any target is visible. `tracking`: the status is TRACKING; empty without a status.
@@ -28,8 +28,8 @@ void write_pictures(std::ostream& out, std::span<const RunRecord> runs);
 // Seconds a run took and milliseconds a step took.
 void write_timing(std::ostream& out, std::span<const RunRecord> runs);
 
-// A table of scene x policy, means over seeds. Where the policy "ceiling" played too, it shows the joint share as a share of the
-// ceiling's, and the upper estimate of what is possible.
+// A table of scene x policy, means over seeds. Where the policies "ceiling" and "ceiling-worth" played too, it shows the joint share and the
+// worth as a share of theirs, and the upper estimates of what is possible.
 void print_summary(std::ostream& out, std::span<const RunRecord> runs);
 
 // An array with one object for each scene and policy: `scene`, `policy`, `runs`, and the mean over the seeds of every figure of

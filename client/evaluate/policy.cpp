@@ -38,9 +38,11 @@ PolicyEntry baseline(std::string name) {
 }  // namespace
 
 std::vector<PolicyEntry> policies() {
-  return {baseline<FollowPolicy>("follow"), baseline<SpringArmPolicy>("spring-arm"),
-          baseline<RaycastPolicy>("raycast"), step_policy("paper", preset_settings(Preset::kPaper)),
-          step_policy("sightline", preset_settings(Preset::kSightline)), ceiling_policy()};
+  std::vector<PolicyEntry> entries{baseline<FollowPolicy>("follow"), baseline<SpringArmPolicy>("spring-arm"),
+                                   baseline<RaycastPolicy>("raycast"), step_policy("paper", preset_settings(Preset::kPaper)),
+                                   step_policy("sightline", preset_settings(Preset::kSightline))};
+  for (PolicyEntry& ceiling : ceiling_policies()) entries.push_back(std::move(ceiling));
+  return entries;
 }
 
 }  // namespace sightline

@@ -52,18 +52,22 @@ class CameraPolicy {
   virtual Result<PolicyStep> next(double time_s, double dt_s) = 0;
   // The greatest joint visible share that any camera could have in this run, estimated from above; only of policies that know it.
   virtual std::optional<double> most_joint() const { return std::nullopt; }
+  // The same of the mean worth of the pictures.
+  virtual std::optional<double> most_worth() const { return std::nullopt; }
 };
 
 struct PolicyEntry {
   std::string name;
   std::function<Result<std::unique_ptr<CameraPolicy>>(const PolicySite& site)> make;
 };
-// The built-in policies, in the order in which tables show them: follow, spring-arm, raycast, paper, sightline, ceiling.
+// The built-in policies, in the order in which tables show them: follow, spring-arm, raycast, paper, sightline, ceiling,
+// ceiling-worth.
 std::vector<PolicyEntry> policies();
-// The camera that knows the whole scenario in advance (client/ceiling/plan.h). It takes about as long as the scene, so it plays only when
-// it is asked for.
-PolicyEntry ceiling_policy();
-inline constexpr std::string_view kCeilingName = "ceiling";
+// Cameras that know the whole scenario in advance (client/ceiling/plan.h). The one shows all targets in as many pictures as it can, the other has pictures of
+// as much worth as it can. They take about as long as the scene, so they play only when they are asked for.
+std::vector<PolicyEntry> ceiling_policies();
+inline constexpr std::string_view kCeilingName = "ceiling", kWorthCeilingName = "ceiling-worth";
+inline bool is_ceiling(std::string_view policy) { return policy == kCeilingName || policy == kWorthCeilingName; }
 // A policy of Sightline's step under these settings.
 PolicyEntry step_policy(std::string name, const StepSettings& settings, const AskedShot& shot = {});
 

@@ -2,7 +2,10 @@
 #include "client/ceiling/sight.h"
 
 #include <gtest/gtest.h>
+#include <glm/gtc/quaternion.hpp>
 
+#include "client/truth/coherence.h"
+#include "server/base/random.h"
 #include "tests/support/small_scenes.h"
 
 namespace sightline {
@@ -95,6 +98,32 @@ TEST_F(SightTest, ThreeBlockedRaysAtTheBeginningCountAsHidden) {
   }
   EXPECT_GT(hidden, 5);
   EXPECT_GT(doubtful, 0);
+}
+
+// The judge counts pixels and the rays of an outline; the estimate counts points of the bodies' surfaces.
+TEST_F(SightTest, WholeBodiesAreCountedAsTheJudgeCountsThem) {
+  const SightEstimate& estimate = look(two_people().box("wall", {0.8, 3, 0.2}, {0.75, 0, 4}));
+  const Lens lens = place_->scenario.lens();
+  CounterRandom random(5, 0, RandomPurpose::kSceneGeneration);
+  int cut_off = 0, hidden = 0;
+  double sum = 0;
+  constexpr int kPictures = 60;
+  for (int k = 0; k < kPictures; ++k) {
+    const glm::dvec3 eye_m(random.next_in(-4, 4), random.next_in(0.5, 3), random.next_in(3, 9));
+    const Pose pose{eye_m, glm::quatLookAt(glm::normalize(glm::dvec3(random.next_in(-3, 3), 1, 0) - eye_m), glm::dvec3(0, 1, 0))};
+    PictureTruth truth = measure_picture(world_->occluders(), world_->mirror(), world_->targets(), pose, lens);
+    add_outlines(world_->occluders(), world_->mirror(), world_->targets(), pose, lens, truth);
+    const double loss = estimate.whole_loss(pose, kExtentPoints);
+    EXPECT_NEAR(loss, sight_loss(truth), 0.15) << k;
+    sum += loss - sight_loss(truth);
+    for (const TargetTruth& target : truth.targets) {
+      cut_off += target.outline.in_picture_share < 0.8;
+      hidden += target.alone_pixels > 0 && target.visible_share() < 0.8;
+    }
+  }
+  EXPECT_NEAR(sum / kPictures, 0.0, 0.02) << "no bias";
+  EXPECT_GT(cut_off, 5);
+  EXPECT_GT(hidden, 5);
 }
 
 // At the edge of the wall, some places see the first rays arrive and later ones blocked.

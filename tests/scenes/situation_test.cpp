@@ -1,4 +1,4 @@
-// The scenes of the group `situations`: what all of them promise, and for each the fact that it was made for.
+// The scenes of the groups `situations` and `roofs`: what all of them promise, and for each the fact that it was made for.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "scenes/catalog.h"
+#include "scenes/roofs.h"
 #include "server/sample/embree_scene.h"
 #include "tests/scenes/stage.h"
 
@@ -39,7 +40,8 @@ BodyPoints points_of(const Stage& stage, const Role& role) {
 class EverySituation : public testing::TestWithParam<std::string> {};
 std::vector<std::string> all_situations() {
   std::vector<std::string> names;
-  for (const CatalogEntry* entry : scenes_of(SceneGroup::kSituations)) names.push_back(entry->name);
+  for (const SceneGroup group : {SceneGroup::kSituations, SceneGroup::kRoofs})
+    for (const CatalogEntry* entry : scenes_of(group)) names.push_back(entry->name);
   return names;
 }
 std::string print_situation(const testing::TestParamInfo<std::string>& scene) {
@@ -126,6 +128,66 @@ glm::dvec3 place(const Stage& stage, const std::string& role, size_t which, doub
 }
 double speed_mps(const Stage& stage, double time_s) {
   return glm::distance(place(stage, "target", 0, time_s + kTick_s), place(stage, "target", 0, time_s)) / kTick_s;
+}
+
+// How far a person is from the one that is nearest.
+double nearest_m(const Stage& stage, size_t person, double time_s) {
+  double nearest_m = INFINITY;
+  for (size_t other = 0; other < stage.with_role("target").size(); ++other)
+    if (other != person) nearest_m = std::min(nearest_m, glm::distance(place(stage, "target", person, time_s), place(stage, "target", other, time_s)));
+  return nearest_m;
+}
+
+TEST(Roofs, PeopleStandOneAndAHalfToFiveMetresApart) {
+  for (uint64_t seed = 1; seed <= 8; ++seed)
+    for (const int people : {2, 3, 4}) {
+      const Stage stage(make_roofs({.seed = seed, .people = people}));
+      ASSERT_EQ(stage.with_role("target").size(), static_cast<size_t>(people));
+      for (size_t person = 0; person < static_cast<size_t>(people); ++person) {
+        EXPECT_NEAR(nearest_m(stage, person, 0), 1.5 + 0.5 * static_cast<double>(seed - 1), 1e-3);
+        EXPECT_EQ(place(stage, "target", person, 0), place(stage, "target", person, 20));
+      }
+    }
+}
+
+TEST(Roofs, PeopleWhoWalkDoSoEachOnAWayOfTheirOwn) {
+  for (uint64_t seed = 1; seed <= 8; ++seed) {
+    const Stage stage(make_roofs({.seed = seed, .people = 3, .walk = true}));
+    const double gap_m = 1.5 + 0.5 * static_cast<double>(seed - 1);
+    for (size_t person = 0; person < 3; ++person) {
+      double way_m = 0, aside_m = 0;
+      const glm::dvec3 from_first_m = place(stage, "target", person, 0) - place(stage, "target", (person + 1) % 3, 0);
+      for (double time_s = 0; time_s < 20; time_s += 0.1) {
+        way_m += glm::distance(place(stage, "target", person, time_s), place(stage, "target", person, time_s + 0.1));
+        const glm::dvec3 now_m = place(stage, "target", person, time_s) - place(stage, "target", (person + 1) % 3, time_s);
+        aside_m = std::max(aside_m, glm::distance(now_m, from_first_m));
+        EXPECT_GT(nearest_m(stage, person, time_s), 0.5 * gap_m);
+        EXPECT_LT(nearest_m(stage, person, time_s), 1.6 * gap_m);
+      }
+      EXPECT_GT(way_m, 8);
+      EXPECT_GT(aside_m, 0.2 * gap_m);
+    }
+  }
+}
+
+TEST(Roofs, HaveACeilingOfTwoAndAHalfToFourMetresOverEverybody) {
+  std::vector<double> ceilings_m;
+  for (uint64_t seed = 1; seed <= 4; ++seed)
+    for (const RoofsOptions& options : {RoofsOptions{.seed = seed}, RoofsOptions{.seed = seed, .walk = true, .corridor = true}}) {
+      Stage stage(make_roofs(options));
+      stage.play(10);
+      EmbreeDevice device;
+      EmbreeScene colliders(device, EmbreeScene::Content::kColliders);
+      colliders.take_in(stage.mirror());
+      const std::vector<uint32_t> targets = stage.target_slots();
+      const RayFilter filter{.ignored_slots = targets};
+      for (size_t person = 0; person < 2; ++person) {
+        const RayHit hit = colliders.trace(place(stage, "target", person, 10) + glm::dvec3(0, 1, 0), {0, 1, 0}, 0, 10, filter);
+        ceilings_m.push_back(1 + hit.distance_m);
+      }
+    }
+  EXPECT_NEAR(*std::min_element(ceilings_m.begin(), ceilings_m.end()), 2.5, 1e-3);
+  EXPECT_NEAR(*std::max_element(ceilings_m.begin(), ceilings_m.end()), 4.0, 1e-3);
 }
 
 TEST(CorridorNarrow, IsOneMetreWide) {
