@@ -55,6 +55,10 @@ double several_factor(double count) {
   return std::clamp(count / 2, 1.0, kMost);
 }
 
+double good_enough_share(double share, double count) {
+  return share / std::max(1.0, count / 2);
+}
+
 double picture_loss(double hidden_share, double count) {
   constexpr double kNotWhole = 0.5;
   const double several = std::max(1.0, count / 2);

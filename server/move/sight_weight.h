@@ -30,6 +30,10 @@ double effective_count(std::span<const double> sight_weights);
 // effective_count(), >= 0.
 double several_factor(double count);
 
+// The share of several targets that may be hidden where `share` may be of one or two. So the same part of a single one of them may be hidden, however
+// many there are. `count` is effective_count().
+double good_enough_share(double share, double count);
+
 // How much a picture lacks, [0, 1], from which `hidden_share`, [0, 1], of the targets is hidden. `count` is effective_count(), >= 0. A picture in which
 // one target is not whole is nearly as bad as one in which half of it is hidden. So up to half of the loss is reached when half of an average target is hidden, and
 // the rest grows with the share. It is up to half with one or two targets. With more targets it is less, by the square of their number: few places show

@@ -86,12 +86,11 @@ class PlanPricer {
     // from them again and again does not show them, and is not calm.
     const double factor = several_factor(count_);
     occlusion_ = weights_.occlusion * factor, tolerance_ = weights_.tolerance / factor, distance_ = weights_.distance / (factor * factor);
-    const double kept_share = in.step.input.settings.move.viewpoint_search.keep_shot_below;
     const MoveSettings& settings = in.step.input.settings.move;
     shot_ = weights_.occlusion * settings.keep_shot * in.carried.shot.weight;
     const glm::dvec3 asked_m = framed_offset_m(in.step, in.carried.shot.in_line_m.value_or(in.carried.shot.asked_offset_m)) - in.carried.shot.subjects_m;
     if (settings.follow == Follow::kOffset && shot_ > 0 && glm::length(asked_m) > kHereM) asked_m_ = asked_m;
-    if (targets_stand(in.step)) tolerance_ = std::max(tolerance_, picture_loss(kept_share, count_));
+    if (targets_stand(in.step)) tolerance_ = std::max(tolerance_, picture_loss(good_enough_share(settings.viewpoint_search.keep_shot_below, count_), count_));
   }
 
   void price() {
@@ -450,7 +449,9 @@ class GoalSearch {
     return std::max(former.shot_gains_s - kNoGain * in_.step.move_s, 0.0);
   }
   bool gains_by_shot(uint32_t seen, const FlightPlan& plan) const {
-    const double enough = in_.carried.blind.way_m.empty() ? 1.0 : 0.5;
+    double enough = in_.carried.blind.way_m.empty() ? 1.0 : 0.5;
+    // Whoever stands may do so for long, so a single one of many who is hidden is reason enough.
+    if (targets_stand(in_.step)) enough = good_enough_share(enough, effective_count(in_.step.targets.sight_weights));
     const bool now = seen != in_.step.targets.steered && gain_by_shot() > enough * kShotGain;
     return now || gain_by_shot_after(plan) > enough * kShotGainAhead;
   }

@@ -5,6 +5,7 @@
 #include <functional>
 
 #include "server/base/random.h"
+#include "server/move/sight_weight.h"
 #include "server/step/stages.h"
 
 namespace sightline {
@@ -56,7 +57,8 @@ glm::dvec3 looking_point_m(const Instance& instance, CounterRandom& random) {
 void choose_viewpoint(const StepContext& step, const ViewpointMap& viewpoints, WantedShot& shot) {
   MoveSettings settings = step.input.settings.move;
   const bool stand = targets_stand(step);
-  if (!stand) settings.viewpoint_search.keep_shot_below = 0;
+  double& keep_shot_below = settings.viewpoint_search.keep_shot_below;
+  keep_shot_below = stand ? good_enough_share(keep_shot_below, effective_count(step.targets.sight_weights)) : 0.0;
   const glm::dvec3 center_m = step.center_m(), present_m = step.camera.pose.position_m - center_m;
   if (glm::length(present_m) < 1e-6 || glm::length(shot.asked_offset_m) < 1e-6) return;
   ShotWish wish{.asked_m = framed_offset_m(step, shot.asked_offset_m), .present_m = present_m, .subjects_m = shot.subjects_m, .weight = shot.weight, .tolerance = shot.tolerance};
@@ -68,7 +70,7 @@ void choose_viewpoint(const StepContext& step, const ViewpointMap& viewpoints, W
   const bool is_seen = hidden_round_about(viewpoints, step.targets.tracked_targets, shot.asked_viewpoint) <= kAskedIsGoodBelow;
   shot.asked_seen_s = is_seen ? shot.asked_seen_s + kStepsPerChoice * step.move_s : 0.0;
   const bool is_good = !stand && shot.asked_seen_s >= kAskedIsGoodS;
-  wish.take_asked_below = is_good ? kAskedIsGoodBelow : settings.viewpoint_search.keep_shot_below;
+  wish.take_asked_below = is_good ? kAskedIsGoodBelow : keep_shot_below;
   shot.viewpoint = choose_shot(viewpoints, step.targets.tracked_targets, wish, settings, std::cref(allowed));
 }
 
