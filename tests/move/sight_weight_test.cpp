@@ -89,6 +89,12 @@ TEST(SightWeight, TheHiddenShareIsAMeanByWeight) {
   EXPECT_EQ(hidden_share(targets, seen), 0);
 }
 
+TEST(SightWeight, TheSamePartOfOneTargetIsGoodEnoughHoweverManyThereAre) {
+  EXPECT_EQ(good_enough_share(0.15, 1), 0.15);
+  EXPECT_EQ(good_enough_share(0.15, 2), 0.15);
+  for (const double count : {2.0, 3.0, 4.0, 8.0, 32.0}) EXPECT_DOUBLE_EQ(good_enough_share(0.15, count) * count, 0.15 * 2);
+}
+
 TEST(PictureLoss, OfTwoTargetsAPartOfOneIsHalfOfIt) {
   EXPECT_EQ(picture_loss(0.0, 2), 0.0);
   EXPECT_DOUBLE_EQ(picture_loss(0.25, 2), 0.5 * 0.25 + 0.5) << "half of one is hidden";

@@ -153,6 +153,29 @@ TEST(MinCost, AShotThatIsHiddenALittleIsKeptWhileTheTargetsStand) {
   EXPECT_LT(way_m, 1.0);
 }
 
+// Four stand in a row. A post before the camera hides one of them: a quarter of all, or less. However many others there are, that one is not left behind it.
+TEST(MinCost, OneOfFourWhoStandIsNotLeftBehindAPost) {
+  for (const double half_post_m : {0.1, 0.16}) {
+    Filming world;
+    for (uint64_t k = 0; k < 4; ++k) world.add_target(k + 1, {-2.25 + 1.5 * static_cast<double>(k), 1, 0});
+    world.add_box(100, {-0.47, 1.5, 3}, {half_post_m, 3, half_post_m});
+    world.place({0, 1.6, 8}, {0, 1, 0});
+    Watch watch(world);
+    StepResult r;
+    double hidden_first = 0, hidden_last = 0;
+    for (int i = 0; i < 480; ++i) {
+      world.step_in(watch, r);
+      const CandidateSights& sights = world.dump().sights;
+      const double hidden = sights.hidden[sights.own_candidate];
+      if (i < 10) hidden_first += hidden / 10;
+      if (i >= 360) hidden_last += hidden / 120;
+    }
+    EXPECT_GT(hidden_first, 0.05) << half_post_m;
+    EXPECT_LT(hidden_first, 0.3) << half_post_m;
+    EXPECT_LT(hidden_last, 0.02) << half_post_m;
+  }
+}
+
 struct WoodWalk {
   int changes = 0;    // steps at which the camera changes between following and another course
   int follows = 0;    // steps at which it follows
