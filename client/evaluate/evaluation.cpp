@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "client/scenario/scenario_limits.h"
+#include "client/truth/asked_frames.h"
 #include "client/truth/free_way.h"
 #include "server/sample/embree_sampler.h"
 
@@ -195,7 +196,8 @@ class Run {
       goals.push_back({frame.time_s, played.goals_m[i], centers_m.back(), frame.jump});
     }
     record_.turns = answers_to_turns(played.frames, centers_m);
-    record_.coherence = coherence_of(played.frames, centers_m, truths);
+    record_.coherence = policy_.shot.number == 0 ? coherence_of(played.frames, centers_m, truths)
+                                                 : coherence_of(played.frames, shots_as_asked(policy_.shot, world, played.frames), truths, policy_.shot.tolerance);
     if (std::any_of(goals.begin(), goals.end(), [](const GoalSample& g) { return g.goal_m.has_value(); }))
       record_.goals = goals_of(goals);
   }

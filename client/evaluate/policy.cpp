@@ -32,7 +32,7 @@ PolicyEntry baseline(std::string name) {
     if (!world) return tl::unexpected(world.error());
     return std::make_unique<Policy>(site, std::move(*world));
   };
-  return {std::move(name), make};
+  return {std::move(name), make, {}};
 }
 
 }  // namespace

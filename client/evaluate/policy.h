@@ -59,6 +59,7 @@ class CameraPolicy {
 struct PolicyEntry {
   std::string name;
   std::function<Result<std::unique_ptr<CameraPolicy>>(const PolicySite& site)> make;
+  AskedShot shot = {};  // its pictures are judged against this one; number 0: against the first picture's
 };
 // The built-in policies, in the order in which tables show them: follow, spring-arm, raycast, paper, sightline, ceiling,
 // ceiling-worth.

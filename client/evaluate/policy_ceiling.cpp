@@ -43,7 +43,7 @@ Result<std::unique_ptr<CameraPolicy>> make_ceiling(const PolicySite& site, PlanA
 
 std::vector<PolicyEntry> ceiling_policies() {
   const auto entry = [](std::string_view name, PlanAim aim) {
-    return PolicyEntry{std::string(name), [aim](const PolicySite& site) { return make_ceiling(site, aim); }};
+    return PolicyEntry{std::string(name), [aim](const PolicySite& site) { return make_ceiling(site, aim); }, {}};
   };
   return {entry(kCeilingName, PlanAim::kJoint), entry(kWorthCeilingName, PlanAim::kWorth)};
 }

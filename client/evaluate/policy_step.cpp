@@ -110,7 +110,7 @@ bool is_name(const std::string& name) {
 }  // namespace
 
 PolicyEntry step_policy(std::string name, const StepSettings& settings, const AskedShot& shot) {
-  return {std::move(name), [settings, shot](const PolicySite& site) { return make_step_policy(site, settings, shot); }};
+  return {std::move(name), [settings, shot](const PolicySite& site) { return make_step_policy(site, settings, shot); }, shot};
 }
 
 Result<NamedSettings> read_named_settings(const std::string& text) {

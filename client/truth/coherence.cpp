@@ -39,15 +39,23 @@ double sight_loss(const PictureTruth& picture) {
 }
 
 CoherenceMetrics coherence_of(std::span<const CameraFrame> frames, std::span<const glm::dvec3> centers_m, std::span<const FrameTruth> truths) {
+  std::vector<FrameShot> shots;
+  for (size_t i = 0; i < frames.size(); ++i) {
+    const ShotProperties now = shot_properties(frames[i], centers_m[i]);
+    shots.push_back({i == 0 ? now : shots[0].asked, now});
+  }
+  return coherence_of(frames, shots, truths);
+}
+
+CoherenceMetrics coherence_of(std::span<const CameraFrame> frames, std::span<const FrameShot> shots, std::span<const FrameTruth> truths, double tolerance) {
   CoherenceMetrics metrics;
   if (frames.empty()) return metrics;
-  const ShotProperties asked = shot_properties(frames[0], centers_m[0]);
   const ShotWeights weights;
   size_t pictures = 0;
   std::vector<double> heights_rad;
   for (size_t i = 0; i < frames.size(); ++i) {
-    const ShotProperties shot = shot_properties(frames[i], centers_m[i]);
-    const ShotDeviation now = up_to_limits(deviation_between(asked, shot));
+    const ShotProperties& shot = shots[i].now;
+    const ShotDeviation now = up_to_limits(deviation_between(shots[i].asked, shot, tolerance));
     if (i < truths.size() && truths[i].picture) {
       const PictureTruth& picture = *truths[i].picture;
       const double lacks = sight_loss(picture), departs = shot_loss(now, weights);
@@ -66,7 +74,7 @@ CoherenceMetrics coherence_of(std::span<const CameraFrame> frames, std::span<con
     *sum /= count;
   for (double* const sum : {&metrics.mean_worth, &metrics.mean_sight_loss, &metrics.mean_shot_loss, &metrics.as_asked_share})
     *sum /= static_cast<double>(std::max<size_t>(pictures, 1));
-  metrics.asked_height_rad = asked.height_rad;
+  metrics.asked_height_rad = shots[0].asked.height_rad;
   metrics.median_height_rad = percentile(std::move(heights_rad), 0.5);
   double changes_mps = 0, time_s = 0;
   const std::vector<MotionSample> motion = motion_of(frames);

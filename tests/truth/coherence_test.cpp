@@ -134,7 +134,7 @@ TEST(Coherence, APictureIsWorthWhatItShowsAndHowItKeepsTheShot) {
 }
 
 TEST(Coherence, NothingWithoutFrames) {
-  EXPECT_EQ(coherence_of({}, {}, {}).kept_share, 0);
+  EXPECT_EQ(coherence_of({}, std::span<const glm::dvec3>(), {}).kept_share, 0);
 }
 
 }  // namespace
