@@ -31,7 +31,8 @@ void CameraSnapshot::go_on_with_shot(v1::OpenSession& request) const {
   if (request.has_shot()) request.mutable_shot()->clear_cut(), request.mutable_shot()->clear_blend_s();
   if (!kept_ || kept_->distance().asked() <= 0) return;
   v1::Shot& shot = *request.mutable_shot();
-  if (!shot.has_side_rad() || shot.orbit_radps() != 0) shot.set_side_rad(kept_->side().asked());
+  if (!shot.has_side_rad() || shot.orbit_radps() != 0 || shot.either_side()) shot.set_side_rad(kept_->side().asked());
+  shot.clear_either_side();
   if (!shot.has_height_rad()) shot.set_height_rad(kept_->height().asked());
   if (shot.far_case() == v1::Shot::FAR_NOT_SET) shot.set_distance(kept_->distance().asked());
   if (!shot.places().empty() || (kept_->place_x() == 0 && kept_->place_y() == 0)) return;

@@ -60,7 +60,8 @@ internal sealed class Snapshot {
         if (kept == null || !(kept.Distance.Asked > 0)) return;
         if (request.Shot == null) request.Shot = new Shot();
         var shot = request.Shot;
-        if (!shot.HasSideRad || shot.OrbitRadps != 0) shot.SideRad = kept.Side.Asked;
+        if (!shot.HasSideRad || shot.OrbitRadps != 0 || shot.EitherSide) shot.SideRad = kept.Side.Asked;
+        shot.EitherSide = false;
         if (!shot.HasHeightRad) shot.HeightRad = kept.Height.Asked;
         if (shot.FarCase == Shot.FarOneofCase.None) shot.Distance = kept.Distance.Asked;
         if (shot.Places.Count == 0 && (kept.PlaceX != 0 || kept.PlaceY != 0)) shot.Places.Add(new Shot.Types.Place { X = kept.PlaceX, Y = kept.PlaceY });

@@ -71,9 +71,10 @@ func (s *snapshot) goOnWithShot(request *v1.OpenSession) {
 		request.Shot = &v1.Shot{}
 	}
 	shot := request.Shot
-	if shot.SideRad == nil || shot.OrbitRadps != 0 {
+	if shot.SideRad == nil || shot.OrbitRadps != 0 || shot.EitherSide {
 		shot.SideRad = proto.Float64(s.kept.GetSide().GetAsked())
 	}
+	shot.EitherSide = false
 	if shot.HeightRad == nil {
 		shot.HeightRad = proto.Float64(s.kept.GetHeight().GetAsked())
 	}

@@ -90,7 +90,7 @@ class AskedFrames {
   }
 
   PlaceInFrame place_at(const CameraFrame& frame, std::span<const TrackedTarget> subjects, const glm::dvec3& middle_m) const {
-    PlaceInFrame place{shot_.side_rad.value_or(first_place_.side_rad), shot_.height_rad.value_or(first_place_.height_rad),
+    PlaceInFrame place{first_side_rad(shot_, first_place_.side_rad), shot_.height_rad.value_or(first_place_.height_rad),
                        shot_.distance_m.value_or(first_place_.distance_m)};
     place.side_rad += shot_.orbit_radps * (frame.time_s - first_s_);
     if (shot_.size) place.distance_m = distance_for_size_m(*shot_.size, subjects, middle_m, place, yaw_rad_, frame.lens);

@@ -89,6 +89,12 @@ PlaceInFrame place_in_frame(const glm::dvec3& offset_m, double frame_yaw_rad) {
   return place;
 }
 
+double first_side_rad(const AskedShot& asked, double now_rad) {
+  if (!asked.side_rad) return now_rad;
+  const auto away_rad = [&](double side_rad) { return std::abs(std::remainder(side_rad - now_rad, 2 * std::numbers::pi)); };
+  return asked.either_side && away_rad(-*asked.side_rad) < away_rad(*asked.side_rad) ? -*asked.side_rad : *asked.side_rad;
+}
+
 PlaceInFrame blend(const PlaceInFrame& from, const PlaceInFrame& to, double share) {
   const double t = std::clamp(share, 0.0, 1.0), eased = t * t * (3 - 2 * t);
   if (t >= 1) return to;

@@ -33,6 +33,7 @@ struct AskedShot {
   uint64_t frame_id = 0, line_to_id = 0;
   glm::dvec3 front{0, 0, 1};  // of instances and of the world; not vertical
   std::optional<double> side_rad, height_rad;
+  bool either_side = false;  // -side_rad is as good: the nearer one to the camera when the shot begins is taken
   double orbit_radps = 0.0;
   std::optional<double> distance_m, size;  // at most one of them
   std::vector<PicturePlace> places;
@@ -52,6 +53,8 @@ struct PlaceInFrame {
 // The offset from the middle of the subjects to the camera, world axes, in a frame of this yaw; and back. From right above or below, the side is 0.
 glm::dvec3 offset_in_frame(const PlaceInFrame& place, double frame_yaw_rad);
 PlaceInFrame place_in_frame(const glm::dvec3& offset_m, double frame_yaw_rad);
+// The asked side of a shot that begins with the camera at `now_rad`: what was left open is that side, and of two sides that are as good the nearer one counts.
+double first_side_rad(const AskedShot& asked, double now_rad);
 // From `from` (share 0) to `to` (share 1) along the shorter way round. The share is eased: the way begins and ends gently.
 PlaceInFrame blend(const PlaceInFrame& from, const PlaceInFrame& to, double share);
 

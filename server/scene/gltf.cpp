@@ -88,7 +88,7 @@ Result<std::shared_ptr<const SceneAsset>> read_document(std::span<const std::byt
   std::vector<int> asset_node_of;
   if (const Status s = read_gltf_nodes(document, limits, *asset, asset_node_of); !s)
     return tl::unexpected(s.error());
-  if (const Status s = read_gltf_meshes(document, store, *asset); !s) return tl::unexpected(s.error());
+  if (const Status s = read_gltf_meshes(document, store, asset_node_of, *asset); !s) return tl::unexpected(s.error());
   if (const Status s = read_gltf_animations(document, asset_node_of, *asset); !s)
     return tl::unexpected(s.error());
   asset->warnings = document.warnings.take();

@@ -234,10 +234,11 @@ class JsonCheck {
 
 // --- asset and extensions ----------------------------------------------------------------------------------------------
 
-// Extensions that may be required: four that the reader knows, and those that leave every triangle where it is.
-constexpr std::array<std::string_view, 14> kSupported = {
+// Extensions that may be required: five that the reader knows, and those that leave every triangle where it is.
+constexpr std::array<std::string_view, 15> kSupported = {
     "KHR_mesh_quantization",   "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression", "KHR_draco_mesh_compression",
+    "KHR_node_visibility",
     "KHR_lights_punctual",     "KHR_xmp_json_ld",
     "KHR_texture_basisu",      "KHR_texture_transform",
     "EXT_texture_webp",        "EXT_texture_avif",
@@ -347,7 +348,9 @@ constexpr Member kPrimitive[] = {required(accessors_by_name("attributes")), with
 constexpr Member kMesh[] = {text("name"), required(objects("primitives", kPrimitive, check_primitive))};
 
 constexpr Member kColour[] = {numbers("baseColorFactor", 4)};
-constexpr Member kMaterial[] = {text("name"), text("alphaMode"), object("pbrMetallicRoughness", kColour)};
+constexpr Member kTransmission[] = {plain("transmissionFactor", Kind::kShare)};
+constexpr Member kMaterialExtensions[] = {object("KHR_materials_transmission", kTransmission)};
+constexpr Member kMaterial[] = {text("name"), text("alphaMode"), object("pbrMetallicRoughness", kColour), object("extensions", kMaterialExtensions)};
 
 // --- nodes and cameras -------------------------------------------------------------------------------------------------
 
@@ -371,7 +374,8 @@ void check_extras(JsonCheck& check, const json& node, const std::string& path, j
 }
 
 constexpr Member kInstancing[] = {required(accessors_by_name("attributes"))};
-constexpr Member kNodeExtensions[] = {object("EXT_mesh_gpu_instancing", kInstancing)};
+constexpr Member kVisibility[] = {plain("visible", Kind::kBoolean)};
+constexpr Member kNodeExtensions[] = {object("EXT_mesh_gpu_instancing", kInstancing), object("KHR_node_visibility", kVisibility)};
 constexpr Member kNode[] = {text("name"),
                             indices("children", "nodes"),
                             index("mesh", "meshes"),
@@ -413,6 +417,9 @@ constexpr Member kChannel[] = {required(whole("sampler", 0, kMaxInt)), required(
 constexpr Member kAnimation[] = {text("name"), required(objects("samplers", kSampler)),
                                  required(objects("channels", kChannel))};
 
+constexpr Member kSkin[] = {text("name"), required(indices("joints", "nodes")), index("inverseBindMatrices", "accessors"),
+                            index("skeleton", "nodes")};
+
 constexpr Member kBody[] = {withheld(objects("buffers", kBuffer)),
                             objects("bufferViews", kView, check_view),
                             objects("accessors", kAccessor, check_component_type),
@@ -423,7 +430,7 @@ constexpr Member kBody[] = {withheld(objects("buffers", kBuffer)),
                             objects("cameras", kCamera, check_camera),
                             objects("materials", kMaterial, nullptr, kMaxMaterials),
                             objects("animations", kAnimation, check_animation),
-                            withheld(plain("skins", Kind::kArray))};
+                            withheld(objects("skins", kSkin))};  // tinygltf refuses those without bind matrices
 
 }  // namespace
 

@@ -62,8 +62,9 @@ inline Status go_on(GltfDocument& document) {
 // "nodes[3]", "meshes[0].primitives[1]"
 std::string gltf_path(const char* collection, size_t index);
 
-// gltf_mesh.cpp: every mesh as one geometry.
-Status read_gltf_meshes(GltfDocument& document, GeometryStore& store, SceneAsset& asset);
+// gltf_mesh.cpp: every mesh as one geometry, and once more for each node that has it with a skin (gltf_skin.h). Those nodes then name the mesh of their own. The
+// nodes must have been read.
+Status read_gltf_meshes(GltfDocument& document, GeometryStore& store, const std::vector<int>& asset_node_of, SceneAsset& asset);
 
 // gltf_nodes.cpp: cameras and the hierarchy of the default scene. `asset_node_of` gives the index in
 // asset.nodes of a node of the file, -1 for one outside the scene.

@@ -9,6 +9,7 @@
 #include "server/scene/gltf_document.h"
 #include "server/scene/gltf_draco.h"
 #include "server/scene/gltf_json.h"
+#include "server/scene/gltf_skin.h"
 
 namespace sightline {
 namespace {
@@ -27,8 +28,19 @@ struct Triangles {
 bool is_see_through(const tinygltf::Model& model, const tinygltf::Primitive& primitive) {
   if (primitive.material < 0) return false;
   const tinygltf::Material& material = model.materials[static_cast<size_t>(primitive.material)];
+  const auto transmission = material.extensions.find("KHR_materials_transmission");
+  if (transmission != material.extensions.end() && transmission->second.Has("transmissionFactor") &&
+      1.0 - transmission->second.Get("transmissionFactor").GetNumberAsDouble() < static_cast<double>(kOccludingOpacity))
+    return true;
   return material.alphaMode == "BLEND" &&
          material.pbrMetallicRoughness.baseColorFactor[3] < kOccludingOpacity;
+}
+
+// What only a texture makes transparent is not known: textures are not read.
+void warn_of_masks(GltfDocument& document) {
+  for (size_t i = 0; i < document.model.materials.size(); ++i)
+    if (document.model.materials[i].alphaMode == "MASK")
+      document.warnings.add(gltf_path("materials", i) + ".alphaMode: what a texture masks hides as if it were solid; switch `occludes` off where that matters");
 }
 
 // How many triangles `count` vertices make; an Error when the count does not suit the mode.
@@ -138,7 +150,7 @@ Status read_draco(GltfDocument& document, const tinygltf::Value& packing, int po
   return {};
 }
 
-Status read_triangles(GltfDocument& document, const tinygltf::Primitive& primitive, int position,
+Status read_triangles(GltfDocument& document, const tinygltf::Primitive& primitive, int position, const GltfSkin* skin,
                       const std::string& field, Triangles& out) {
   const int indices = accessor_of(primitive, kIndicesAttribute);
   const auto planned = plan_primitive(document, primitive.mode, position, indices, field);
@@ -148,6 +160,10 @@ Status read_triangles(GltfDocument& document, const tinygltf::Primitive& primiti
   const Status read = packing ? read_draco(document, *packing, position, field, corners)
                               : read_accessors(document, position, indices, field, corners);
   if (!read) return read;
+  if (skin && packing)
+    document.warnings.add(field + ": is packed by Draco, and drawn without its skin");
+  else if (skin)
+    if (const Status s = apply_gltf_skin(document, *skin, primitive, field, corners.positions); !s) return s;
   if (const Status s = check_positions(corners.positions, field + ".attributes.POSITION"); !s) return s;
   if (const Status s = check_sequence(corners.sequence, corners.positions.size(), field + ".indices"); !s)
     return s;
@@ -155,7 +171,7 @@ Status read_triangles(GltfDocument& document, const tinygltf::Primitive& primiti
   return {};
 }
 
-Status read_primitive(GltfDocument& document, const tinygltf::Primitive& primitive, const std::string& field,
+Status read_primitive(GltfDocument& document, const tinygltf::Primitive& primitive, const GltfSkin* skin, const std::string& field,
                       Triangles& out) {
   const int position = accessor_of(primitive, "POSITION");
   if (primitive.mode < TINYGLTF_MODE_TRIANGLES) {
@@ -167,7 +183,7 @@ Status read_primitive(GltfDocument& document, const tinygltf::Primitive& primiti
     return {};
   }
   if (!primitive.targets.empty()) document.warnings.add(field + ".targets: morph targets are drawn at rest");
-  return read_triangles(document, primitive, position, field, out);
+  return read_triangles(document, primitive, position, skin, field, out);
 }
 
 MeshData join(Triangles occluding, const Triangles& see_through) {
@@ -181,13 +197,13 @@ MeshData join(Triangles occluding, const Triangles& see_through) {
 }
 
 // Joins all primitives; the result has no indices when none of them has triangles.
-Result<MeshData> read_mesh(GltfDocument& document, const tinygltf::Mesh& mesh, const std::string& field) {
+Result<MeshData> read_mesh(GltfDocument& document, const tinygltf::Mesh& mesh, const GltfSkin* skin, const std::string& field) {
   Triangles occluding, see_through;
   for (size_t i = 0; i < mesh.primitives.size(); ++i) {
     if (document.work.ends(256)) return tl::unexpected(document.work.limit()->error());
     Triangles& out = is_see_through(document.model, mesh.primitives[i]) ? see_through : occluding;
     const Status status =
-        read_primitive(document, mesh.primitives[i], field + "." + gltf_path("primitives", i), out);
+        read_primitive(document, mesh.primitives[i], skin, field + "." + gltf_path("primitives", i), out);
     if (!status) return tl::unexpected(status.error());
   }
   return join(std::move(occluding), see_through);
@@ -206,20 +222,58 @@ Result<std::shared_ptr<const Geometry>> build_mesh(MeshData mesh, const std::str
   return geometry;
 }
 
+// Meshes as they are read: those of the file, and one for each node with a skin.
+struct ReadMesh {
+  MeshData data;
+  std::string field;
+};
+
+// A mesh that only nodes with a skin have is not drawn without one.
+std::vector<bool> meshes_without_skin(const tinygltf::Model& model) {
+  std::vector<bool> skinned(model.meshes.size(), false), plain(model.meshes.size(), false);
+  for (const tinygltf::Node& node : model.nodes)
+    if (node.mesh >= 0) (node.skin >= 0 ? skinned : plain)[static_cast<size_t>(node.mesh)] = true;
+  for (size_t i = 0; i < plain.size(); ++i) plain[i] = plain[i] || !skinned[i];
+  return plain;
+}
+
+Status read_skinned(GltfDocument& document, const std::vector<int>& asset_node_of, SceneAsset& asset, std::vector<ReadMesh>& read) {
+  const std::vector<Affine> world_from_node = rest_world_from_node(asset);
+  for (size_t i = 0; i < document.model.nodes.size(); ++i) {
+    const tinygltf::Node& node = document.model.nodes[i];
+    if (asset_node_of[i] < 0 || node.mesh < 0 || node.skin < 0) continue;
+    if (document.work.ends(256)) return tl::unexpected(document.work.limit()->error());
+    const std::string field = gltf_path("nodes", i);
+    const auto skin = read_gltf_skin(document, i, asset_node_of, world_from_node, field);
+    if (!skin) return tl::unexpected(skin.error());
+    const auto mesh = static_cast<size_t>(node.mesh);
+    auto data = read_mesh(document, document.model.meshes[mesh], *skin ? &**skin : nullptr, gltf_path("meshes", mesh));
+    if (!data) return tl::unexpected(std::move(data.error()));
+    asset.nodes[static_cast<size_t>(asset_node_of[i])].mesh = static_cast<int>(read.size());
+    asset.mesh_names.push_back(document.model.meshes[mesh].name);
+    read.push_back({std::move(*data), gltf_path("meshes", mesh)});
+  }
+  return {};
+}
+
 }  // namespace
 
-Status read_gltf_meshes(GltfDocument& document, GeometryStore& store, SceneAsset& asset) {
+Status read_gltf_meshes(GltfDocument& document, GeometryStore& store, const std::vector<int>& asset_node_of, SceneAsset& asset) {
   const auto& meshes = document.model.meshes;
-  std::vector<MeshData> read;
+  warn_of_masks(document);
+  const std::vector<bool> plain = meshes_without_skin(document.model);
+  std::vector<ReadMesh> read;
   for (size_t i = 0; i < meshes.size(); ++i) {
-    auto mesh = read_mesh(document, meshes[i], gltf_path("meshes", i));
+    Result<MeshData> mesh = MeshData{};
+    if (plain[i]) mesh = read_mesh(document, meshes[i], nullptr, gltf_path("meshes", i));
     if (!mesh) return tl::unexpected(std::move(mesh.error()));
-    read.push_back(std::move(*mesh));
+    read.push_back({std::move(*mesh), gltf_path("meshes", i)});
     asset.mesh_names.push_back(meshes[i].name);
   }
-  std::vector<Result<std::shared_ptr<const Geometry>>> built(meshes.size());
-  parallel_for(meshes.size(),
-               [&](size_t i) { built[i] = build_mesh(std::move(read[i]), gltf_path("meshes", i), store, document.work.limit()); });
+  if (const Status s = read_skinned(document, asset_node_of, asset, read); !s) return s;
+  std::vector<Result<std::shared_ptr<const Geometry>>> built(read.size());
+  parallel_for(read.size(),
+               [&](size_t i) { built[i] = build_mesh(std::move(read[i].data), read[i].field, store, document.work.limit()); });
   for (auto& geometry : built) {
     if (!geometry) return tl::unexpected(std::move(geometry.error()));
     asset.meshes.push_back(std::move(*geometry));

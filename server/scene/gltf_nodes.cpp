@@ -127,6 +127,14 @@ void read_extras(const nlohmann::json& extras, AssetNode& node) {
   to.visible = ours.value("visible", to.visible);
 }
 
+// KHR_node_visibility: the node and all below it are hidden.
+bool is_hidden(const nlohmann::json& node) {
+  const auto extensions = node.find("extensions");
+  if (extensions == node.end()) return false;
+  const auto visibility = extensions->find("KHR_node_visibility");
+  return visibility != extensions->end() && !visibility->value("visible", true);
+}
+
 Result<AssetNode> read_node(GltfDocument& document, size_t index, const std::vector<int>& asset_camera_of) {
   const tinygltf::Node& source = document.model.nodes[index];
   const std::string field = gltf_path("nodes", index);
@@ -139,7 +147,6 @@ Result<AssetNode> read_node(GltfDocument& document, size_t index, const std::vec
   if (const Status s = read_local_transform(source, field, document.warnings, node); !s)
     return tl::unexpected(s.error());
   if (const Status s = read_instances(document, source, field, node); !s) return tl::unexpected(s.error());
-  if (source.skin >= 0) document.warnings.add(field + ".skin: drawn in the rest pose of its mesh");
   return node;
 }
 
@@ -253,6 +260,7 @@ Status read_gltf_nodes(GltfDocument& document, const GltfLimits& limits, SceneAs
   const std::vector<int> asset_camera_of = read_cameras(document, asset);
 
   asset_node_of.assign(model.nodes.size(), -1);
+  std::vector<bool> hidden;  // by asset node: by KHR_node_visibility, its own or that of a node above
   std::vector<int> open(roots->rbegin(), roots->rend());
   while (!open.empty()) {
     const auto index = static_cast<size_t>(open.back());
@@ -261,6 +269,8 @@ Status read_gltf_nodes(GltfDocument& document, const GltfLimits& limits, SceneAs
     auto node = read_node(document, index, asset_camera_of);
     if (!node) return tl::unexpected(std::move(node.error()));
     if ((*parent)[index] >= 0) node->parent = asset_node_of[static_cast<size_t>((*parent)[index])];
+    hidden.push_back(is_hidden(document.json["nodes"][index]) || (node->parent >= 0 && hidden[static_cast<size_t>(node->parent)]));
+    if (hidden.back()) node->attributes.visible = false;
     asset_node_of[index] = static_cast<int>(asset.nodes.size());
     asset.nodes.push_back(std::move(*node));
     const auto& children = model.nodes[index].children;

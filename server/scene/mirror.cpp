@@ -106,6 +106,10 @@ struct SceneMirror::Pending {
   std::unordered_set<uint64_t> removed, added, added_and_moved;
 };
 
+Pose believed_pose(const Instance& instance) {
+  return {instance.pose.position_m + instance.correction_m, instance.pose.rotation};
+}
+
 glm::dvec3 travel_m(const Instance& instance, double ahead_s) {
   return instance.moving ? instance.velocity_mps * ahead_s : glm::dvec3(0.0);
 }
@@ -126,7 +130,8 @@ Status SceneMirror::apply(const SceneDelta& delta, const TransformUpdate& transf
   }
   for (size_t i = 0; i < transforms.ids.size(); ++i)
     move(slot_by_id_.find(transforms.ids[i])->second, transforms.poses[i],
-         transforms.velocities_mps.empty() ? nullptr : &transforms.velocities_mps[i]);
+         transforms.velocities_mps.empty() ? nullptr : &transforms.velocities_mps[i],
+         transforms.corrections_m.empty() ? glm::dvec3(0.0) : transforms.corrections_m[i]);
   if (moving_slots_untidy_) tidy_moving_slots();
   if (!delta.empty() || !transforms.ids.empty()) ++version_;
   return {};
@@ -193,10 +198,11 @@ Status SceneMirror::check_add(const NewInstance& instance, const std::string& fi
 }
 
 Status SceneMirror::check_transforms(const TransformUpdate& transforms, Pending& pending) {
-  const auto& [ids, poses, velocities] = transforms;
+  const auto& [ids, poses, velocities, corrections] = transforms;
   if (poses.size() != ids.size()) return invalid("poses", "must be as many as ids");
   if (!velocities.empty() && velocities.size() != ids.size())
     return invalid("velocities_mps", "must be none or as many as ids");
+  if (!corrections.empty() && corrections.size() != ids.size()) return invalid("corrections_m", "must be none or as many as ids");
   ++message_;
   for (size_t i = 0; i < ids.size(); ++i) {
     const auto slot = slot_by_id_.find(ids[i]);
@@ -278,8 +284,9 @@ void SceneMirror::change(const AttributeChange& change) {
   touch(instance);
 }
 
-void SceneMirror::move(uint32_t slot, const Pose& pose, const glm::dvec3* velocity_mps) {
+void SceneMirror::move(uint32_t slot, const Pose& pose, const glm::dvec3* velocity_mps, const glm::dvec3& correction_m) {
   Instance& instance = slots_[slot];
+  instance.correction_m = correction_m;
   instance.pose = {pose.position_m, glm::normalize(pose.rotation)};
   if (velocity_mps) instance.velocity_mps = *velocity_mps;
   place(slot);
@@ -298,7 +305,7 @@ void SceneMirror::touch(const Instance& instance) {
 void SceneMirror::place(uint32_t slot) {
   Instance& instance = slots_[slot];
   const glm::dmat3 linear = glm::mat3_cast(instance.pose.rotation) * instance.linear;
-  instance.world_from_instance = Affine(linear[0], linear[1], linear[2], instance.pose.position_m);
+  instance.world_from_instance = Affine(linear[0], linear[1], linear[2], instance.pose.position_m + instance.correction_m);
   instance.center_m = transform_point(instance.world_from_instance, instance.geometry->center);
   refresh_hash(slot);
 }

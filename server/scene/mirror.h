@@ -37,10 +37,11 @@ inline constexpr size_t kMaxInstances = 1'000'000;
 struct Instance {
   uint64_t id = 0;
   std::shared_ptr<const Geometry> geometry;  // null when the slot is free
-  Pose pose;                                 // world_from_instance without `linear`; unit rotation
+  Pose pose;                                 // world_from_instance without `linear`, as the client sent it; unit rotation
+  glm::dvec3 correction_m{0.0};              // from the position that was sent to the one that is believed (session/motion_track.h); world
   glm::dmat3 linear{1.0};  // applied before the pose: scale, or any linear map of an asset node
   Affine world_from_instance = identity_affine();
-  glm::dvec3 velocity_mps{0.0};  // the last value that the client sent; zero before the first
+  glm::dvec3 velocity_mps{0.0};  // the last value that was given; zero before the first
   glm::dvec3 center_m{0.0};      // bounding sphere in the world
   double radius_m = 0.0;
   InstanceAttributes attributes;
@@ -52,6 +53,8 @@ struct Instance {
   bool collides() const { return attributes.visible && attributes.collides; }
 };
 
+// The pose as it is believed: `pose` with the correction.
+Pose believed_pose(const Instance& instance);
 // The displacement of a moving instance after `ahead_s` seconds at its velocity; zero for a static one.
 glm::dvec3 travel_m(const Instance& instance, double ahead_s);
 // world_from_instance displaced by travel_m.
@@ -92,11 +95,12 @@ struct SceneDelta {
 };
 
 // Poses of instances at one tick, as parallel arrays. Poses follow the rules of NewInstance. `velocities_mps` is empty (velocities stay
-// as they were) or as long as `ids`. No id may occur twice.
+// as they were) or as long as `ids`. So is `corrections_m`; without it there are none. No id may occur twice.
 struct TransformUpdate {
   std::vector<uint64_t> ids;
   std::vector<Pose> poses;
   std::vector<glm::dvec3> velocities_mps;
+  std::vector<glm::dvec3> corrections_m;
 };
 
 // Not thread-safe; owned by one session. An instance keeps its slot while it exists; the slot is reused after it is removed.
@@ -113,7 +117,7 @@ class SceneMirror {
   //   "add[i].geometry", ".pose.position_m", ".pose.rotation", ".linear" and ".attributes.opacity",
   //   "change[i].attributes.opacity"           kInvalidArgument
   //   "add"                                    kResourceExhausted: more than kMaxInstances
-  //   "poses" and "velocities_mps" (lengths), "poses[i].position_m", "poses[i].rotation", "velocities_mps[i]"
+  //   "poses", "velocities_mps" and "corrections_m" (lengths), "poses[i].position_m", "poses[i].rotation", "velocities_mps[i]"
   //                                            kInvalidArgument
   // A transform may name an instance that this delta adds, or a hidden one. An instance becomes `moving` with its first transform. With
   // an empty delta and only moving instances the cost is O(transforms) without allocation.
@@ -153,7 +157,7 @@ class SceneMirror {
   void remove(uint64_t id);
   void add(const NewInstance& instance);
   void change(const AttributeChange& change);
-  void move(uint32_t slot, const Pose& pose, const glm::dvec3* velocity_mps);
+  void move(uint32_t slot, const Pose& pose, const glm::dvec3* velocity_mps, const glm::dvec3& correction_m);
   void touch(const Instance& instance);
   void place(uint32_t slot);  // updates bounds and hash after a change of the transform
   void refresh_hash(uint32_t slot);

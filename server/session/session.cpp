@@ -205,15 +205,17 @@ double Session::step_length_s(const TickInput& tick) const {
   return std::min(dt_s, kLongestStepS);
 }
 
-// Fills update_ for the mirror: the tick's transforms, completed by kept rotations and derived velocities.
+// Fills update_ for the mirror: the tick's transforms, completed by kept rotations, derived velocities and corrections of held and noisy positions.
 void Session::fill_update(const TickInput& tick, const IdsAfter& ids) {
   const bool derives = tick.transforms.velocities_mps.empty();
   update_.ids = tick.transforms.ids;
   update_.poses = tick.transforms.poses;
-  update_.velocities_mps = tick.transforms.velocities_mps;
-  if (tick.transforms.poses.size() != tick.transforms.ids.size()) return;  // the mirror returns the error
-  if (!derives && !tick.keeps_rotations) return stop_unnamed(ids);
-
+  update_.velocities_mps.clear(), update_.corrections_m.clear();
+  new_tracks_.clear();
+  if (tick.transforms.poses.size() != tick.transforms.ids.size() || (!derives && tick.transforms.velocities_mps.size() != tick.transforms.ids.size())) {
+    update_.velocities_mps = tick.transforms.velocities_mps;
+    return;  // the mirror returns the error
+  }
   const double dt_s = step_length_s(tick);
   for (size_t i = 0; i < update_.ids.size(); ++i) {
     const Instance* before = ids.staying(update_.ids[i]);
@@ -223,38 +225,49 @@ void Session::fill_update(const TickInput& tick, const IdsAfter& ids) {
                                   : before ? before->pose.rotation
                                            : Pose{}.rotation;
     }
-    if (derives)
-      update_.velocities_mps.push_back(derived_velocity_mps(before, update_.poses[i].position_m, dt_s));
+    const glm::dvec3* sent_mps = derives ? nullptr : &tick.transforms.velocities_mps[i];
+    const MotionEstimate now = estimate(update_.ids[i], before, update_.poses[i].position_m, sent_mps, dt_s);
+    update_.velocities_mps.push_back(now.velocity_mps);
+    update_.corrections_m.push_back(now.correction_m);
   }
-  if (!derives || dt_s > 0) stop_unnamed(ids);
+  if (!derives || dt_s > 0) add_unnamed(ids, dt_s);
 }
 
-glm::dvec3 Session::derived_velocity_mps(const Instance* before, const glm::dvec3& now_m, double dt_s) const {
-  if (!before) return glm::dvec3(0.0);
-  const glm::dvec3 moved_m = now_m - before->pose.position_m;
-  if (dt_s <= 0) return moved_m == glm::dvec3(0.0) ? before->velocity_mps : glm::dvec3(0.0);
-  const bool teleported = !(glm::length(moved_m) <= kTeleportSpeedMps * dt_s);
-  return teleported ? glm::dvec3(0.0) : moved_m / dt_s;
+MotionTrack Session::track_of(uint64_t id, const Instance* before, const glm::dvec3& now_m) const {
+  if (!before) return MotionTrack(now_m);
+  const auto known = tracks_.find(id);
+  return known != tracks_.end() ? known->second : MotionTrack(before->pose.position_m);
 }
 
-// Adds the instances whose derived velocity ends, because the tick no longer names them: at their present pose, with
-// velocity 0.
-void Session::stop_unnamed(const IdsAfter& ids) {
+MotionEstimate Session::estimate(uint64_t id, const Instance* before, const glm::dvec3& now_m, const glm::dvec3* sent_mps, double dt_s) {
+  if (before && dt_s <= 0 && now_m == before->pose.position_m) return {sent_mps ? *sent_mps : before->velocity_mps, before->correction_m};
+  if (!before || dt_s <= 0) {
+    new_tracks_.emplace_back(id, MotionTrack(now_m));
+    return {sent_mps ? *sent_mps : glm::dvec3(0.0), glm::dvec3(0.0)};
+  }
+  MotionTrack& track = new_tracks_.emplace_back(id, track_of(id, before, now_m)).second;
+  return sent_mps ? track.observe_sent(dt_s, now_m, *sent_mps, kTeleportSpeedMps) : track.observe(dt_s, now_m, kTeleportSpeedMps);
+}
+
+// Adds the instances that moved by derived velocities and that the tick no longer names: they are where they were.
+void Session::add_unnamed(const IdsAfter& ids, double dt_s) {
   if (derived_moving_.empty() || update_.ids == former_ids_) return;
   std::vector<uint64_t> named = update_.ids;
   std::sort(named.begin(), named.end());
   for (const uint64_t id : derived_moving_) {
     const Instance* instance = ids.staying(id);
     if (!instance || std::binary_search(named.begin(), named.end(), id)) continue;
+    const MotionEstimate now = dt_s > 0 ? estimate(id, instance, instance->pose.position_m, nullptr, dt_s) : MotionEstimate{};
     update_.ids.push_back(id);
     update_.poses.push_back(instance->pose);
-    update_.velocities_mps.push_back(glm::dvec3(0.0));
+    update_.velocities_mps.push_back(now.velocity_mps);
+    update_.corrections_m.push_back(now.correction_m);
   }
 }
 
 void Session::commit(const TickInput& tick) {
   const double dt_s = step_length_s(tick);
-  remember_derived(tick, dt_s);
+  remember_motion(tick, dt_s);
   hold(tick.mesh_assets);
   if (tick.targets) options_.targets = *tick.targets;
   if (tick.lens) options_.lens = *tick.lens;
@@ -285,12 +298,14 @@ void Session::hold(const std::vector<std::shared_ptr<const SceneAsset>>& assets)
 }
 
 // A tick with dt = 0 derives nothing, so the lists of the tick before it stay.
-void Session::remember_derived(const TickInput& tick, double dt_s) {
+void Session::remember_motion(const TickInput& tick, double dt_s) {
+  for (const uint64_t id : tick.delta.remove) tracks_.erase(id);
+  for (auto& [id, track] : new_tracks_) tracks_.insert_or_assign(id, track);
   const bool derives = tick.transforms.velocities_mps.empty();
   if (derives && dt_s <= 0) return;
   derived_moving_.clear();
-  for (size_t i = 0; derives && i < update_.ids.size(); ++i)
-    if (update_.velocities_mps[i] != glm::dvec3(0.0)) derived_moving_.push_back(update_.ids[i]);
+  for (size_t i = 0; i < update_.ids.size(); ++i)
+    if ((derives && update_.velocities_mps[i] != glm::dvec3(0.0)) || update_.corrections_m[i] != glm::dvec3(0.0)) derived_moving_.push_back(update_.ids[i]);
   former_ids_ = tick.transforms.ids;
 }
 

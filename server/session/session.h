@@ -8,6 +8,8 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "server/base/camera.h"
@@ -17,6 +19,7 @@
 #include "server/scene/target.h"
 #include "server/session/checks.h"
 #include "server/session/convention.h"
+#include "server/session/motion_track.h"
 #include "server/step/step.h"
 
 namespace sightline {
@@ -113,9 +116,9 @@ struct SessionAnswer {
 
 // Single-threaded: one thread at a time, any thread.
 //
-// Velocities that the client does not send are derived from successive positions over the tick's dt. They are 0 for
-// an instance that the tick adds or that was teleported (kTeleportSpeedMps). An instance that a tick no longer names
-// has stopped, so its derived velocity becomes 0. When dt is 0, an instance whose position is unchanged keeps its
+// Velocities that the client does not send are derived from successive positions over the tick's dt (motion_track.h). They are 0 for
+// an instance that the tick adds or that was teleported (kTeleportSpeedMps). An instance that a tick no longer names is where it was, so it has
+// stopped, unless its positions are held for several ticks. When dt is 0, an instance whose position is unchanged keeps its
 // velocity, and the velocity of any other becomes 0.
 class Session {
  public:
@@ -183,13 +186,14 @@ class Session {
   Status check_terms(const TickInput& tick) const;
   double step_length_s(const TickInput& tick) const;
   void fill_update(const TickInput& tick, const IdsAfter& ids);
-  glm::dvec3 derived_velocity_mps(const Instance* before, const glm::dvec3& now_m, double dt_s) const;
-  void stop_unnamed(const IdsAfter& ids);
+  MotionTrack track_of(uint64_t id, const Instance* before, const glm::dvec3& now_m) const;
+  MotionEstimate estimate(uint64_t id, const Instance* before, const glm::dvec3& now_m, const glm::dvec3* sent_mps, double dt_s);
+  void add_unnamed(const IdsAfter& ids, double dt_s);
   void commit(const TickInput& tick);
   void take_extents();
   const ExtentTable* extent_of(const Instance& instance);
   void hold(const std::vector<std::shared_ptr<const SceneAsset>>& assets);
-  void remember_derived(const TickInput& tick, double dt_s);
+  void remember_motion(const TickInput& tick, double dt_s);
   void observe(const ObservedCamera& observed, double dt_s);
   void describe_relative(SessionAnswer& answer) const;
 
@@ -216,7 +220,9 @@ class Session {
   int64_t pending_scene_ns_ = 0;
   int64_t newest_arrival_ns_ = 0;
 
-  std::vector<uint64_t> derived_moving_;  // instances with a derived velocity that is not 0
+  std::unordered_map<uint64_t, MotionTrack> tracks_;  // of instances that ticks have named
+  std::vector<std::pair<uint64_t, MotionTrack>> new_tracks_;  // of the tick that is being applied
+  std::vector<uint64_t> derived_moving_;  // instances with a derived velocity or a correction that is not 0
   std::vector<uint64_t> former_ids_;      // named by the tick that derived them
   TransformUpdate update_;                // scratch memory, reused
 };

@@ -265,12 +265,12 @@ struct StateFields {
   struct Moved {
     uint64_t id = 0;
     Pose pose;
-    glm::dvec3 velocity_mps{0.0};
+    glm::dvec3 velocity_mps{0.0}, correction_m{0.0};
   };
   template <typename A, SameAs<Moved> T>
   static void each(A& archive, T& instance) {
-    auto& [id, pose, velocity] = instance;
-    archive(id, pose, velocity);
+    auto& [id, pose, velocity, correction] = instance;
+    archive(id, pose, velocity, correction);
   }
   // Slots decide the order of what is equal otherwise.
   struct Slot {
@@ -293,6 +293,27 @@ struct StateFields {
     auto& [revision, hash, slot_count, moved, rearranged, free_slots] = scene;
     archive(revision, hash, slot_count, moved, rearranged, free_slots);
   }
+  template <typename A, SameAs<MotionTrack::Belief> T>
+  static void each(A& archive, T& belief) {
+    auto& [at, velocity, position, both, of_velocity, share] = belief;
+    archive(at, velocity, position, both, of_velocity, share);
+  }
+  template <typename A, SameAs<MotionTrack> T>
+  static void each(A& archive, T& track) {
+    auto& [known, stands, held, filters, noisy, last, since, ticks_since, intervals_s, intervals, held_share, mean_interval, interval_variance, last_mps, last_miss, misses,
+           miss_product, beliefs, believed] = track;
+    archive(known, stands, held, filters, noisy, last, since, ticks_since, intervals_s, intervals, held_share, mean_interval, interval_variance, last_mps, last_miss, misses,
+            miss_product, beliefs, believed);
+  }
+  struct TrackOf {
+    uint64_t id = 0;
+    MotionTrack track;
+  };
+  template <typename A, SameAs<TrackOf> T>
+  static void each(A& archive, T& of) {
+    auto& [id, track] = of;
+    archive(id, track);
+  }
   struct Memory {
     Scene scene;
     std::vector<Target> targets;
@@ -300,13 +321,14 @@ struct StateFields {
     bool ticked = false;
     uint64_t sequence = 0, steps = 0;
     double time_s = 0.0;
+    std::vector<TrackOf> tracks;
     std::vector<uint64_t> derived_moving, former_ids;
     CarriedState carried;
   };
   template <typename A, SameAs<Memory> T>
   static void each(A& archive, T& memory) {
-    auto& [scene, targets, shot_number, ticked, sequence, steps, time, derived_moving, former_ids, carried] = memory;
-    archive(scene, targets, shot_number, ticked, sequence, steps, time, derived_moving, former_ids, carried);
+    auto& [scene, targets, shot_number, ticked, sequence, steps, time, tracks, derived_moving, former_ids, carried] = memory;
+    archive(scene, targets, shot_number, ticked, sequence, steps, time, tracks, derived_moving, former_ids, carried);
   }
 
   // --- the scene
@@ -316,7 +338,7 @@ struct StateFields {
                 .free_slots = mirror.free_slots_};
     for (const uint32_t slot : mirror.moving_slots_) {
       const Instance& instance = mirror.slots_[slot];
-      scene.moved.push_back({instance.id, instance.pose, instance.velocity_mps});
+      scene.moved.push_back({instance.id, instance.pose, instance.velocity_mps, instance.correction_m});
     }
     for (const uint32_t slot : mirror.rearranged_slots_) scene.rearranged.push_back({slot, mirror.slots_[slot].id});
     return scene;
@@ -365,7 +387,7 @@ struct StateFields {
     for (uint32_t slot = 0; slot < ids.size(); ++slot)
       if (ids[slot] != 0) mirror.slot_by_id_.emplace(ids[slot], slot), mirror.slots_[slot].moving = false, mirror.place(slot);
     mirror.moving_slots_.clear();
-    for (const auto& [id, pose, velocity_mps] : scene.moved) move(mirror, mirror.slot_by_id_.at(id), pose, velocity_mps);
+    for (const Moved& moved : scene.moved) move(mirror, mirror.slot_by_id_.at(moved.id), moved);
     mirror.tidy_moving_slots();
     mirror.revision_ = scene.revision;
     ++mirror.version_, ++mirror.static_version_, ++mirror.moving_version_;
@@ -373,10 +395,10 @@ struct StateFields {
   }
 
   // As SceneMirror::move, but to the bit: the rotation is not normalised again.
-  static void move(SceneMirror& mirror, uint32_t slot, const Pose& pose, const glm::dvec3& velocity_mps) {
+  static void move(SceneMirror& mirror, uint32_t slot, const Moved& moved) {
     Instance& instance = mirror.slots_[slot];
-    instance.pose = pose;
-    instance.velocity_mps = velocity_mps;
+    instance.pose = moved.pose;
+    instance.velocity_mps = moved.velocity_mps, instance.correction_m = moved.correction_m;
     instance.moving = true;
     mirror.moving_slots_.push_back(slot);
     mirror.place(slot);
@@ -452,8 +474,11 @@ uint64_t Session::memory_layout() {
 }
 
 void Session::write_memory(std::string& out) const {
+  std::vector<StateFields::TrackOf> tracks;
+  for (const auto& [id, track] : tracks_) tracks.push_back({id, track});
+  std::ranges::sort(tracks, {}, &StateFields::TrackOf::id);
   FieldWriter<StateFields> write(out);
-  write(StateFields::scene_of(mirror_), options_.targets, options_.shot.number, ticked_, sequence_, steps_, time_s_, derived_moving_, former_ids_,
+  write(StateFields::scene_of(mirror_), options_.targets, options_.shot.number, ticked_, sequence_, steps_, time_s_, tracks, derived_moving_, former_ids_,
         stepper_.carried());
 }
 
@@ -474,6 +499,9 @@ Status Session::resume(uint64_t layout, std::string_view memory) {
   sequence_ = found.sequence;
   steps_ = found.steps;
   time_s_ = found.time_s;
+  tracks_.clear();
+  for (const StateFields::TrackOf& of : found.tracks)
+    if (mirror_.find(of.id)) tracks_.emplace(of.id, of.track);
   derived_moving_ = std::move(found.derived_moving);
   former_ids_ = std::move(found.former_ids);
   pending_dt_s_ = 0.0;

@@ -29,7 +29,7 @@ bool target_jumped(const StepInput& input, const std::vector<TargetPast>& before
     if (!target.required || !(target.weight > 0)) continue;
     const auto known = std::ranges::find(before, target.instance_id, &TargetPast::id);
     if (known == before.end()) continue;
-    const glm::dvec3 now_m = input.scene.find(target.instance_id)->pose.position_m;
+    const glm::dvec3 now_m = believed_pose(*input.scene.find(target.instance_id)).position_m;
     const double moved_m = glm::distance(known->predictor.at(0.0).pose.position_m, now_m);
     if (moved_m > std::max(kJumpM, kJumpMps * input.dt_s)) return true;
   }

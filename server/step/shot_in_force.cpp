@@ -149,7 +149,8 @@ void begin(const StepInput& input, const TargetsNow& targets, const CarriedState
   begun.yaw_rad = first_yaw_rad(input, targets, frame);
   if (const Instance* instance = frame_instance(input, targets); instance && asked.frame == ShotFrame::kTravel) begun.travels_id = instance->id;
   begun.to = upright_place(former_m, begun.yaw_rad, shot.up_yaw_rad);
-  begun.to = {asked.side_rad.value_or(begun.to.side_rad), asked.height_rad.value_or(begun.to.height_rad), asked.distance_m.value_or(begun.to.distance_m)};
+  const double camera_rad = upright_place(camera_m - from_m, begun.yaw_rad, shot.up_yaw_rad).side_rad;
+  begun.to = {asked.side_rad ? first_side_rad(asked, camera_rad) : begun.to.side_rad, asked.height_rad.value_or(begun.to.height_rad), asked.distance_m.value_or(begun.to.distance_m)};
   begun.from = shot.is_set ? upright_place(shot.asked_m - from_m, begun.yaw_rad, shot.up_yaw_rad) : begun.to;
   frame = begun;
 }

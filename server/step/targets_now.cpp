@@ -114,7 +114,7 @@ void observe_targets(const StepInput& input, const std::vector<TargetPast>& befo
     TargetPast& past =
         now.emplace_back(known != before.end() ? *known : TargetPast{target.instance_id, MotionPredictor()});
     past.predictor.configure({.ahead_s = input.settings.move.prediction_s});
-    past.predictor.observe(input.dt_s, input.scene.find(target.instance_id)->pose);
+    past.predictor.observe(input.dt_s, believed_pose(*input.scene.find(target.instance_id)));
   }
 }
 

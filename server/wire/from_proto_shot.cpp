@@ -62,6 +62,7 @@ Status read_place(const v1::Shot& wire, const Convention& convention, const std:
     if (Status ok = read_in_range(wire.height_rad(), field + ".height_rad", -kPi / 2 - kRoundedAngle, kPi / 2 + kRoundedAngle, out.height_rad.emplace()); !ok) return ok;
     out.height_rad = std::clamp(*out.height_rad, -kPi / 2, kPi / 2);
   }
+  out.either_side = wire.either_side();
   if (Status ok = read_in_range(wire.orbit_radps(), field + ".orbit_radps", -kMostOrbitRadps, kMostOrbitRadps, out.orbit_radps); !ok) return ok;
   if (wire.has_size()) return read_in_range(wire.size(), field + ".size", kLeastSize, 1.0, out.size.emplace());
   if (!wire.has_distance()) return {};

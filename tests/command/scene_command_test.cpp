@@ -46,8 +46,8 @@ GlbBuilder full_file() {
   file.json["extensionsUsed"] = {"EXT_mesh_gpu_instancing"};
   file.add("cameras",
            {{"type", "perspective"}, {"perspective", {{"yfov", 0.5235987755982988}, {"znear", 0.25}}}});
-  file.add("nodes", {{"camera", 0}, {"skin", 0}});
-  file.add("skins", {{"joints", {0}}});
+  file.add("nodes", {{"camera", 0}});
+  file.add("materials", {{"alphaMode", "MASK"}});
   file.animation(guard, "translation", "LINEAR", {0, 2.5}, {0, 0, 0, 1, 0, 0});
   file.json["animations"][0]["name"] = "walk";
   return file;
@@ -65,7 +65,7 @@ TEST_F(SceneCommand, SaysWhatAFileContains) {
                   "Guard +2.00 0.00 0.00 +0 +2 +target, weight 2, optional +opacity 0.5, does not collide"));
   EXPECT_THAT(text,
               AllOf(ContainsRegex("0 +30.0 degrees +free +0.250 m"), ContainsRegex("walk +2.50 s +1 +2"),
-                    HasSubstr("\nwarnings\n  nodes[1].skin: drawn in the rest pose")));
+                    HasSubstr("\nwarnings\n  materials[0].alphaMode: what a texture masks")));
 }
 
 TEST_F(SceneCommand, SaysTheSameAsJson) {
@@ -97,7 +97,7 @@ TEST_F(SceneCommand, SaysTheSameAsJson) {
   EXPECT_EQ(json.at("cameras")[0].at("near_m"), 0.25);
   EXPECT_EQ(json.at("animations"), (nlohmann::json::array({{{"name", "walk"}, {"duration_s", 2.5}, {"channels", 1}}})));
   ASSERT_EQ(json.at("warnings").size(), 1u);
-  EXPECT_THAT(json.at("warnings")[0].get<std::string>(), HasSubstr("nodes[1].skin"));
+  EXPECT_THAT(json.at("warnings")[0].get<std::string>(), HasSubstr("materials[0].alphaMode"));
 }
 
 TEST_F(SceneCommand, WithoutTrianglesThereAreNoExtents) {

@@ -5,7 +5,8 @@
     make_page.py [FOLDER] --raw DIR --how KEY=VALUE ...
 
 With --raw, the page's tables and plots are first made anew from what make.sh measured: DIR/table1.csv by step_bench, and the folders
-DIR/hall, DIR/hall-front, DIR/fence and DIR/agile, the same with -embree, DIR/scenes, DIR/keep-shot, DIR/levels and DIR/ceiling by `sightline evaluate`. Any but
+DIR/hall, DIR/hall-front, DIR/fence and DIR/agile, the same with -embree, DIR/scenes, DIR/keep-shot, DIR/roofs, DIR/named-shots, DIR/worth-ceiling,
+DIR/levels and DIR/ceiling by `sightline evaluate`. Any but
 hall and fence may be missing; then the page keeps the tables that it has. HOW says how it was measured.
 """
 import argparse
@@ -18,17 +19,11 @@ from figures import distinct, find, image, markdown, mean, number, over_seeds, p
 from levels_page import former_runs, levels_page
 from paper_tables import MODELS, STABILITIES, read_runs, table1, table2, table3
 from scene_tables import ceiling_part, scenes_part
+from shot_tables import SHOT_COLUMNS, TRADE_COLUMNS, TRADES, WORTH_CEILING_COLUMNS, more_shot_parts, shots_part, trade_part, worth_part
 from svg_plots import bar_plot, strip_plot
 
 PAPER_TABLES = ("table1.csv", "table2.csv", "table3.csv")
 MORE_TABLES = ("table2-front.csv", "table3-agile.csv", "shots.csv", "worth.csv", "keep-shot.csv")
-SHOT_COLUMNS = ("scene", "seed", "policy", "joint_visible_share", "joint_whole_share", "mean_whole_share", "p95_size_pictures", "asked_height_rad",
-                "median_height_rad", "high_share", "shot_kept_share", "shot_deviation_side", "shot_deviation_height", "shot_deviation_size",
-                "shot_deviation_place", "shot_deviation", "mean_acceleration_mps2", "mean_worth", "mean_sight_loss", "mean_shot_loss", "as_asked_share", "r_n")
-TRADE_COLUMNS = ("scene", "seed", "policy", "joint_whole_share", "joint_visible_share", "shot_kept_share", "as_asked_share", "mean_sight_loss", "mean_shot_loss",
-                 "mean_worth", "median_height_rad", "r_n")
-# keep_shot by policy.
-TRADES = {"keep-0": "0", "keep-025": "0.25", "keep-05": "0.5", "sightline": "1", "keep-2": "2"}
 RUN_COLUMNS = ("scene", "seed", "targets", "policy", "pictures", "joint_visible_share", "all_seen", "r_n", "r_p",
                "r_p_tolerant", "mean_hidden_share", "episodes", "longest_blind_s", "longest_blind_with_way_s",
                "sustained_occlusions", "mean_reaction_s", "turns", "mean_turn_answer_s", "d_c_m", "d_s_heights",
@@ -64,6 +59,9 @@ def take_over(folder, raw, how):
         write_table(folder / "shots.csv", SHOT_COLUMNS, read_table(shots / "runs.csv"))
     if (raw / "keep-shot").exists():
         write_table(folder / "keep-shot.csv", TRADE_COLUMNS, read_table(raw / "keep-shot" / "runs.csv"))
+    for name, columns in (("roofs", SHOT_COLUMNS), ("named-shots", SHOT_COLUMNS), ("worth-ceiling", WORTH_CEILING_COLUMNS)):
+        if (raw / name).exists():
+            write_table(folder / (name + ".csv"), columns, read_table(raw / name / "runs.csv"))
     if (raw / "scenes").exists():
         runs = read_table(raw / "scenes" / "runs.csv")
         write_table(folder / "scenes.csv", RUN_COLUMNS, runs)
@@ -120,7 +118,7 @@ def make_page(folder):
     ceilings = [row for row in measured_ceilings(folder) if row["scene"] in distinct(runs, "scene")]
     front, agile, shots, worths, trades = (read_table(folder / name) if (folder / name).exists() else [] for name in MORE_TABLES)
     parts = [introduction(how, times), claims_part(times, models, stabilities, shot_claims(shots), scene_claims(runs, ceilings, former_runs(folder, "scenes")), former_costs(folder)), notes_part(folder), table1_part(times),
-             table2_part(models, front), table3_part(stabilities, agile), shots_part(shots), trade_part(trades), worth_part(worths), scenes_part(runs), *ceiling_part(ceilings, runs), reports_part(runs)]
+             table2_part(models, front), table3_part(stabilities, agile), shots_part(shots), trade_part(trades), worth_part(worths), *more_shot_parts(folder), scenes_part(runs), *ceiling_part(ceilings, runs), reports_part(runs)]
     return "\n".join(parts)
 
 
@@ -281,73 +279,6 @@ def table3_rows(stabilities, with_reactions):
 def paper_ratio(stabilities, row, name):
     reference = stabilities[0][name]
     return number(reference / row[name], 1) if row[name] else ""
-
-
-# ---- the shot ----
-
-def shots_part(runs):
-    if not runs:
-        return ""
-    groups = [(scene, policy, select(runs, scene=scene, policy=policy)) for scene in distinct(runs, "scene") for policy in distinct(runs, "policy")]
-    return f"""## Whole bodies, and the shot that was asked for
-
-*Joint* judges the part of a target inside the picture, as the tables below do. *Whole* counts only the pictures in which at least 95 % of every target's outline is inside as well.
-A camera that is so near that it shows two pairs of legs has a high joint share, and shows nobody whole. *Size* is the height of the largest target in picture heights, the 95th
-percentile over pictures. From 1 on the target is cut off. *Height* is the camera's elevation over the targets in degrees, in the first frame and in the median. *Above 60°* is the share
-of the frames. *Shot kept* and *deviation* are those of Table 2. The deviations of side, height, size and place follow. *Acceleration* is the mean size, the paper's sum over the
-time (6.2). *Worth* is what a picture is worth, from 0 to 1 (`server/move/picture_worth.h`): 1 less the sight that it lacks, of whole bodies, and less what it departs from the shot.
-*As asked* is the share of the pictures that show everybody whole with every property within its free band. Means over {len(distinct(runs, "seed"))} seeds.
-
-""" + markdown(["<scene", "<policy", "worth", "as asked", "whole", "joint", "size", "asked height", "height", "above 60°", "shot kept", "deviation", "side", "height", "size", "place",
-                "acceleration m/s²"], [shot_row(*group) for group in groups if group[2]])
-
-
-def shot_row(scene, policy, runs):
-    degrees = lambda name: number(math.degrees(mean(runs, name)), 0)
-    size = mean(runs, "p95_size_pictures")
-    return [scene, policy, number(mean(runs, "mean_worth"), 2), percent(mean(runs, "as_asked_share"), 0), percent(mean(runs, "joint_whole_share"), 1), percent(mean(runs, "joint_visible_share"), 1), "over 10" if size > 10 else number(size, 2),
-            degrees("asked_height_rad"), degrees("median_height_rad"), percent(mean(runs, "high_share"), 0), percent(mean(runs, "shot_kept_share"), 0)] + [
-                number(mean(runs, "shot_deviation" + part), 2) for part in ("", "_side", "_height", "_size", "_place")] + [number(mean(runs, "mean_acceleration_mps2"), 2)]
-
-
-def worth_part(runs):
-    """`runs`: the default of today and that of the build before the shot counted, on the same scenes and seeds."""
-    if not runs:
-        return ""
-    scenes = distinct(runs, "scene")
-    pairs = {scene: [select(runs, scene=scene, build=build) for build in ("before", "now")] for scene in scenes}
-    gains = [mean(now, "mean_worth") - mean(before, "mean_worth") for before, now in pairs.values()]
-    worst = min(scenes, key=lambda scene: gains[scenes.index(scene)])
-    fell = f"It fell most in {worst}, by {number(-min(gains), 2)}." if min(gains) < -0.005 else "It fell in none of them."
-    return f"""## What changed when the shot began to count
-
-The default before it counted whole bodies and the asked shot, and the default now, on the same scenes and seeds (`worth.csv`: one or two of each scene). *Nobody* is the share of the
-pictures without a pixel of any target. Over {len(scenes)} scenes the mean worth rose by {number(sum(gains) / len(gains), 3)}, from {number(mean([r for r in runs if r["build"] == "before"], "mean_worth"), 3)} to
-{number(mean([r for r in runs if r["build"] == "now"], "mean_worth"), 3)} over all runs. {fell}
-
-""" + markdown(["<scene", "worth before", "now", "whole before", "now", "asked height", "height before", "now", "shot kept before", "now", "nobody before", "now"],
-               [worth_row(scene, *pair) for scene, pair in pairs.items()])
-
-
-def trade_part(runs):
-    if not runs:
-        return ""
-    rows = [[value, *(percent(mean(own, name), 1) for name in ("joint_whole_share", "shot_kept_share", "as_asked_share")),
-             *(number(mean(own, name), 3) for name in ("mean_sight_loss", "mean_shot_loss", "mean_worth")), number(math.degrees(mean(own, "median_height_rad")), 0)]
-            for policy, value in TRADES.items() for own in [select(runs, policy=policy)] if own]
-    return f"""## What keep_shot trades
-
-The setting `keep_shot` from sight first to shot first, over the {len(distinct(runs, "scene"))} scenes (number of seeds: {len(distinct(runs, "seed"))}). The default is 1. The losses are those of worth: of sight and of the shot.
-
-""" + markdown(["<keep_shot", "whole", "shot kept", "as asked", "sight loss", "shot loss", "worth", "height"], rows)
-
-
-def worth_row(scene, before, now):
-    both = lambda text: [text(before), text(now)]
-    degrees = lambda runs, name: number(math.degrees(mean(runs, name)), 0)
-    return ([scene] + both(lambda runs: number(mean(runs, "mean_worth"), 2)) + both(lambda runs: percent(mean(runs, "joint_whole_share"), 0)) +
-            [degrees(now, "asked_height_rad")] + both(lambda runs: degrees(runs, "median_height_rad")) +
-            both(lambda runs: percent(mean(runs, "shot_kept_share"), 0)) + both(lambda runs: percent(mean(runs, "r_n"), 1)))
 
 
 # ---- what the service reports ----

@@ -285,19 +285,55 @@ TEST_F(Gltf, GpuInstanceAttributesMustBeEquallyLong) {
   EXPECT_EQ(load_error().field, "nodes[0].extensions.EXT_mesh_gpu_instancing.attributes.SCALE");
 }
 
-TEST_F(Gltf, SkinsAndMorphTargetsStayAtRestWithAWarning) {
+TEST_F(Gltf, MorphTargetsAndMeshesWithoutJointsStayAtRestWithAWarning) {
   const int node = file.triangle_node();
   file.json["nodes"][node]["skin"] = 0;
   file.add("skins", {{"joints", {node}}});
   file.json["meshes"][0]["primitives"][0]["targets"] = json::array({{{"POSITION", 0}}});
   const auto asset = load();
   EXPECT_EQ(asset->triangle_count(), 1u);
-  EXPECT_THAT(asset->warnings, testing::UnorderedElementsAre(HasSubstr("nodes[0].skin"),
+  EXPECT_THAT(asset->warnings, testing::UnorderedElementsAre(HasSubstr("meshes[0].primitives[0]: has no JOINTS_0"),
                                                              HasSubstr("meshes[0].primitives[0].targets")));
 }
 
+// KHR_node_visibility, as Godot 4.5 writes it: a hidden node hides all that is below it.
+TEST_F(Gltf, NodesThatTheFileHidesAreHiddenWithAllBelowThem) {
+  const int seen = file.triangle_node(), hidden = file.triangle_node(), below = file.triangle_node(), shown_below = file.triangle_node();
+  file.json["extensionsRequired"] = {"KHR_node_visibility"};
+  file.json["nodes"][hidden]["extensions"]["KHR_node_visibility"] = {{"visible", false}};
+  file.json["nodes"][shown_below]["extensions"]["KHR_node_visibility"] = {{"visible", true}};
+  file.json["nodes"][hidden]["children"] = {below};
+  file.json["nodes"][below]["children"] = {shown_below};
+  file.json["scenes"] = json::array({{{"nodes", {seen, hidden}}}});
+  const auto asset = load();
+  ASSERT_EQ(asset->nodes.size(), 4u);
+  EXPECT_TRUE(asset->nodes[0].attributes.visible);
+  for (const size_t node : {1, 2, 3}) EXPECT_FALSE(asset->nodes[node].attributes.visible) << node;
+  file.json["nodes"][hidden]["extensions"]["KHR_node_visibility"] = {{"visible", 0}};
+  EXPECT_EQ(load_error().field, "nodes[1].extensions.KHR_node_visibility.visible");
+}
+
+// Glass that lets light through hides nothing. What a mask cuts out of a leaf cannot be known without the texture.
+TEST_F(Gltf, TransmissionIsSeenThroughAndAMaskIsWarnedOf) {
+  const int glass = file.triangle_node(), frosted = file.triangle_node(), leaf = file.triangle_node();
+  const auto material = [&](int node, json of) {
+    const int mesh = file.json["nodes"][node]["mesh"];
+    file.json["meshes"][mesh]["primitives"][0]["material"] = file.add("materials", std::move(of));
+  };
+  material(glass, {{"extensions", {{"KHR_materials_transmission", {{"transmissionFactor", 0.9}}}}}});
+  material(frosted, {{"extensions", {{"KHR_materials_transmission", {{"transmissionFactor", 0.1}}}}}});
+  material(leaf, {{"alphaMode", "MASK"}});
+  const auto asset = load();
+  ASSERT_EQ(asset->meshes.size(), 3u);
+  EXPECT_EQ(asset->meshes[0]->occluding_index_count, 0u);
+  EXPECT_EQ(asset->meshes[1]->occluding_index_count, 3u);
+  EXPECT_EQ(asset->meshes[2]->occluding_index_count, 3u);
+  ASSERT_EQ(asset->warnings.size(), 1u);
+  EXPECT_THAT(asset->warnings[0], HasSubstr("materials[2].alphaMode"));
+}
+
 TEST_F(Gltf, ARequiredExtensionThatIsNotSupportedIsNamed) {
-  for (const char* name : {"KHR_meshopt_compression", "KHR_node_visibility", "ACME_x"}) {
+  for (const char* name : {"KHR_meshopt_compression", "KHR_gaussian_splatting", "ACME_x"}) {
     file = GlbBuilder();
     file.triangle_node();
     file.json["extensionsRequired"] = {"KHR_mesh_quantization", name};

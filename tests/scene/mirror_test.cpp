@@ -39,7 +39,7 @@ SceneDelta adding(std::vector<NewInstance> instances) {
 }
 
 TransformUpdate moving(std::vector<uint64_t> ids, std::vector<Pose> poses) {
-  return {std::move(ids), std::move(poses), {}};
+  return {std::move(ids), std::move(poses), {}, {}};
 }
 
 SceneDelta changing(uint64_t id, const InstanceAttributes& attributes) {
@@ -190,6 +190,9 @@ TEST_F(MirrorTest, ArraysMustAgreeInLength) {
   TransformUpdate update = moving({1, 2}, {at(1), at(2)});
   update.velocities_mps = {{1, 0, 0}};
   expect_refused({}, update, ErrorCode::kInvalidArgument, "velocities_mps");
+  update.velocities_mps.clear(), update.corrections_m = {{1, 0, 0}};
+  expect_refused({}, update, ErrorCode::kInvalidArgument, "corrections_m");
+  update.corrections_m.clear();
   update.velocities_mps = {{1, 0, 0}, {0, NAN, 0}};
   expect_refused({}, update, ErrorCode::kInvalidArgument, "velocities_mps[1]");
 }
@@ -363,6 +366,23 @@ TEST_F(MirrorTest, VelocityStandsUntilToldAnew) {
   ASSERT_TRUE(mirror.apply({}, moving({1}, {at(2)})));
   EXPECT_EQ(mirror.find(1)->velocity_mps, glm::dvec3(1, 2, 3));
   EXPECT_EQ(mirror.find(2)->velocity_mps, glm::dvec3(0));
+}
+
+// The pose stays as it was sent, and so does the hash that clients compare. The body is where it is believed to be.
+TEST_F(MirrorTest, ACorrectionMovesTheBodyAndNothingThatTheClientKnows) {
+  TransformUpdate update = moving({1}, {at(1)});
+  ASSERT_TRUE(mirror.apply({}, update));
+  const uint64_t hash = mirror.hash();
+  const glm::dvec3 center_m = mirror.find(1)->center_m, correction_m(0.25, 0, -1);
+  update.corrections_m = {correction_m};
+  ASSERT_TRUE(mirror.apply({}, update));
+  EXPECT_EQ(mirror.hash(), hash);
+  EXPECT_EQ(mirror.find(1)->pose.position_m, at(1).position_m);
+  EXPECT_LT(glm::distance(mirror.find(1)->center_m, center_m + correction_m), 1e-12);
+  EXPECT_EQ(believed_pose(*mirror.find(1)).position_m, at(1).position_m + correction_m);
+  update.corrections_m.clear();
+  ASSERT_TRUE(mirror.apply({}, update));
+  EXPECT_EQ(mirror.find(1)->center_m, center_m) << "without corrections there is none";
 }
 
 TEST_F(MirrorTest, TheBoundingSphereFollowsPoseAndLinear) {

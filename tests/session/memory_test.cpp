@@ -97,6 +97,31 @@ TEST(SessionMemory, KeepsAShotThatMoves) {
   expect_same_after_resume([](StepSettings& settings) { settings = preset_settings(Preset::kSightline); }, shot);
 }
 
+// Ann's positions are held for two ticks, and Bob's are noisy. The session that goes on knows both at once.
+TEST(SessionMemory, KeepsWhatIsKnownOfHeldAndNoisyPositions) {
+  const auto options = [](SessionOptions& o) { o.settings = preset_settings(Preset::kSightline); };
+  Game first(options), second(options);
+  const auto tick_of = [](Game& game, int i) {
+    const double noise_m = 0.02 * (i * 7919 % 13 - 6) / 6.0;
+    return game.tick(kTickS).move(kAnn, {-1 + 0.05 * (i / 2), 1, 0}).move(kBob, {1 + noise_m, 1 - noise_m / 2, 0});
+  };
+  constexpr int kPlayed = 61;
+  for (int i = 1; i <= kPlayed; ++i) first.play(tick_of(first, i));
+  EXPECT_GT(glm::length(first.instance(kAnn).correction_m), 0.01);
+  EXPECT_NE(first.instance(kBob).correction_m, glm::dvec3(0.0));
+  std::string memory;
+  first.session->write_memory(memory);
+  const Status resumed = second.session->resume(Session::memory_layout(), memory);
+  ASSERT_TRUE(resumed.has_value()) << to_string(resumed.error());
+  second.sequence = first.sequence, second.time_s = first.time_s;
+  EXPECT_EQ(second.instance(kAnn).center_m, first.instance(kAnn).center_m);
+  for (int i = kPlayed + 1; i <= kPlayed + 30; ++i) {
+    const Reply expected = reply_of(first, first.play(tick_of(first, i)));
+    EXPECT_EQ(reply_of(second, second.play(tick_of(second, i))), expected) << "tick " << i;
+    EXPECT_EQ(second.instance(kBob).correction_m, first.instance(kBob).correction_m);
+  }
+}
+
 TEST(SessionMemory, KeepsThePlacesOfInstancesThatCameAndWent) {
   Game first, second;
   const auto box = [](Game& game, uint64_t id, double x) { return game.make(id, BoxShape{{0.1f, 0.1f, 0.1f}}, {x, 0.2, -2}); };

@@ -266,6 +266,28 @@ TEST(AskedShot, AnOrbitWithABlendBeginsWhereTheCameraIs) {
   EXPECT_LT(glm::distance(glm::dvec3(0, 1, 0) + offset_in_frame(result.shot->asked, *yaw_of({0, 0, 1})), glm::dvec3(0, 1.6, 6)), 0.1);
 }
 
+// Two people stand on a line along +x. From either side of it, the camera takes the shot of that side, and does not cross the line. Without the word it goes to
+// the right of the line, wherever it is.
+TEST(AskedShot, TheNearerOfTwoSidesThatAreAsGoodIsTaken) {
+  for (const double z_m : {6.0, -6.0})
+    for (const bool either : {true, false}) {
+      Shown world({0.75, 1.6, z_m});
+      world.add_target(2, {1.5, 1, 0});
+      AskedShot shot;
+      shot.frame = ShotFrame::kLine, shot.frame_id = 1, shot.line_to_id = 2;
+      shot.side_rad = kPi / 2, shot.height_rad = 0.1, shot.distance_m = 6, shot.either_side = either;
+      world.ask(shot);
+      const StepResult first = world.step(kTick);
+      ASSERT_TRUE(first.shot);
+      EXPECT_NEAR(first.shot->asked.side_rad, either && z_m < 0 ? -kPi / 2 : kPi / 2, 1e-9) << z_m << ' ' << either;
+      EXPECT_EQ(first.shot->deviation.side < 0.01, either || z_m > 0) << z_m << ' ' << either;
+      // The side is chosen once: a line that turns takes the camera with it.
+      world.turn_to(2, {-0.2, 1, 1.4}, {0, 0, 0}, {0, 0, 1});
+      for (int i = 0; i < 120; ++i) world.step(kTick);
+      EXPECT_NEAR(world.step(kTick).shot->asked.side_rad, first.shot->asked.side_rad, 1e-9);
+    }
+}
+
 TEST(AskedShot, TwoPeopleKeepTheirSizeAllRoundAnOrbit) {
   Shown world({0, 1.6, 8});
   world.add_target(2, {3, 1, 0});

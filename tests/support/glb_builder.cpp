@@ -79,7 +79,10 @@ int GlbBuilder::animation(int node, const char* path, const char* interpolation,
 }
 
 size_t GlbBuilder::components_of(const char* type) {
-  return std::string(type) == "SCALAR" ? 1 : static_cast<size_t>(type[3] - '0');
+  const std::string name(type);
+  if (name == "SCALAR") return 1;
+  const auto side = static_cast<size_t>(type[3] - '0');
+  return name.starts_with("MAT") ? side * side : side;
 }
 
 // A test that sets buffers[0] itself is left alone.

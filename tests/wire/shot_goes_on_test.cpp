@@ -87,5 +87,24 @@ TEST_F(ShotGoesOn, InEveryConvention) {
   }
 }
 
+// The first session took the left side. The second one begins with a camera that evades on the right, and keeps to the left.
+TEST_F(ShotGoesOn, OnTheSideThatWasTaken) {
+  v1::OpenSession request = opening(v1::Convention::PRESET_GLTF);
+  add_capsule(request, 2, 2, 0, 0);
+  v1::Shot& shot = *request.mutable_shot();
+  shot.set_frame(v1::Shot::FRAME_LINE), shot.set_frame_id(1), shot.set_line_to_id(2);
+  shot.set_side_rad(1.5), shot.set_height_rad(0.2), shot.set_distance(5), shot.set_either_side(true);
+  request.mutable_camera();
+  const Convention convention = must_read(request).convention;
+  request = request_with_camera(request, {0, 1, -5}, {0, 0, 0}, convention);
+  const auto first = open(request);
+  CameraSnapshot client(request);
+  const v1::CameraReply reply = play(*first);
+  client.take_reply(reply);
+  EXPECT_NEAR(reply.shot().side().asked(), -1.5, 1e-9);
+  const v1::OpenSession again = request_with_camera(client.opening(), {0, 1, 5}, {0, 0, 0}, convention);
+  EXPECT_NEAR(play(*open(again)).shot().side().asked(), -1.5, 1e-9);
+}
+
 }  // namespace
 }  // namespace sightline::test

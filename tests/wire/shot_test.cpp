@@ -23,6 +23,7 @@ v1::Shot full_shot() {
   v1::Shot::Place& place = *shot.add_places();
   place.set_id(8), place.set_x(0.3), place.set_y(-0.2);
   shot.set_cut(true), shot.set_blend_s(2);
+  shot.set_either_side(true);
   return shot;
 }
 
@@ -45,6 +46,7 @@ TEST(ShotOnTheWire, EveryFieldArrivesInCanonicalUnits) {
   EXPECT_EQ(read.places[0].half_pictures, glm::dvec2(0.3, -0.2));
   EXPECT_TRUE(read.cut);
   EXPECT_EQ(read.blend_s, 2.0);
+  EXPECT_TRUE(read.either_side);
 }
 
 // Where the default front axis of each convention points in canonical axes, by what engines document.

@@ -64,7 +64,8 @@ export class Snapshot {
     if (request.shot) request.shot = shot;
     const {side, height, distance, placeX = 0, placeY = 0} = this.kept ?? {};
     if (!side || !height || !distance || distance.asked <= 0) return;
-    if (shot.sideRad === undefined || shot.orbitRadps) shot.sideRad = side.asked;
+    if (shot.sideRad === undefined || shot.orbitRadps || shot.eitherSide) shot.sideRad = side.asked;
+    shot.eitherSide = false;
     shot.heightRad ??= height.asked;
     if (!shot.far.case) shot.far = {case: "distance", value: distance.asked};
     if (!shot.places.length && (placeX || placeY)) shot.places.push(create(Shot_PlaceSchema, {x: placeX, y: placeY}));

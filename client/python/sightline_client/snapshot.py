@@ -73,8 +73,9 @@ class Snapshot:
         if kept is None or kept.distance.asked <= 0:
             return
         shot = request.shot
-        if not shot.HasField("side_rad") or shot.orbit_radps:
+        if not shot.HasField("side_rad") or shot.orbit_radps or shot.either_side:
             shot.side_rad = kept.side.asked
+        shot.ClearField("either_side")
         if not shot.HasField("height_rad"):
             shot.height_rad = kept.height.asked
         if shot.WhichOneof("far") is None:

@@ -81,9 +81,10 @@ impl Snapshot {
             return;
         }
         let shot = request.shot.get_or_insert_with(Shot::default);
-        if shot.side_rad.is_none() || shot.orbit_radps != 0.0 {
+        if shot.side_rad.is_none() || shot.orbit_radps != 0.0 || shot.either_side {
             shot.side_rad = Some(side.asked);
         }
+        shot.either_side = false;
         shot.height_rad.get_or_insert(height.asked);
         shot.far.get_or_insert(Far::Distance(distance.asked));
         if shot.places.is_empty() && (*place_x != 0.0 || *place_y != 0.0) {
