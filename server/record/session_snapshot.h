@@ -13,7 +13,7 @@
 //   - What the camera remembers: what it had seen, and where targets went. Replies go on alike, not equal, unless the recording has a
 //     StepMemory beside the tick. It also holds the velocities, revision and rotations below to the bit.
 //   - Velocities that a session derives from successive positions are 0 until the next tick. Velocities that the client
-//     sent are kept.
+//     sent are kept. Held and noisy positions are found out again.
 //   - The scene revision counts deltas, and there is only one. Rotations that were kept from move to move may differ in
 //     their last bits, and the mirror's hash with them; otherwise the hash is the same.
 //   - When anything of the opening was turned, the rotation of everything else that moved is sent as floats. A node of the

@@ -63,12 +63,14 @@ bool MotionTrack::jumps(double dt_s, const glm::dvec3& at_m, double jump_mps) co
 MotionEstimate MotionTrack::observe(double dt_s, const glm::dvec3& at_m, double jump_mps) {
   if (!known_ || jumps(dt_s, at_m, jump_mps)) return restart(at_m), MotionEstimate{};
   since_s_ += dt_s, believed_s_ += dt_s, ++ticks_since_;
+  sent_ = false;
   return at_m == last_m_ ? unchanged(dt_s) : changed(dt_s, at_m);
 }
 
 MotionEstimate MotionTrack::observe_sent(double dt_s, const glm::dvec3& at_m, const glm::dvec3& velocity_mps, double jump_mps) {
-  if (!known_ || jumps(dt_s, at_m, jump_mps)) return restart(at_m), MotionEstimate{velocity_mps, {}};
+  if (!known_ || jumps(dt_s, at_m, jump_mps)) return restart(at_m), sent_ = true, MotionEstimate{velocity_mps, {}};
   since_s_ += dt_s, ++ticks_since_;
+  sent_ = true;
   if (at_m != last_m_) {
     take_interval(dt_s);
     last_m_ = at_m;

@@ -34,6 +34,8 @@ class MotionTrack {
   double noise_m() const;
   // Positions are held for several ticks.
   bool is_held() const { return held_; }
+  // The client sent the velocity with the last position.
+  bool has_sent_velocity() const { return sent_; }
 
  private:
   friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
@@ -62,7 +64,7 @@ class MotionTrack {
   void update_beliefs(double time_s, const glm::dvec3& at_m);
   MotionEstimate estimate(double ahead_s) const;
 
-  bool known_ = false, stands_ = true, held_ = false, filters_ = false, noisy_ = false;
+  bool known_ = false, stands_ = true, held_ = false, filters_ = false, noisy_ = false, sent_ = false;
   glm::dvec3 last_m_{0.0};
   double since_s_ = 0.0;                   // the position became last_m_
   uint32_t ticks_since_ = 0;

@@ -249,7 +249,8 @@ MotionEstimate Session::estimate(uint64_t id, const Instance* before, const glm:
   return sent_mps ? track.observe_sent(dt_s, now_m, *sent_mps, kTeleportSpeedMps) : track.observe(dt_s, now_m, kTeleportSpeedMps);
 }
 
-// Adds the instances that moved by derived velocities and that the tick no longer names: they are where they were.
+// Adds the instances that moved by derived velocities, or were gone on from, and that the tick no longer names: they are where they were. A velocity that was
+// sent stays.
 void Session::add_unnamed(const IdsAfter& ids, double dt_s) {
   if (derived_moving_.empty() || update_.ids == former_ids_) return;
   std::vector<uint64_t> named = update_.ids;
@@ -257,7 +258,11 @@ void Session::add_unnamed(const IdsAfter& ids, double dt_s) {
   for (const uint64_t id : derived_moving_) {
     const Instance* instance = ids.staying(id);
     if (!instance || std::binary_search(named.begin(), named.end(), id)) continue;
-    const MotionEstimate now = dt_s > 0 ? estimate(id, instance, instance->pose.position_m, nullptr, dt_s) : MotionEstimate{};
+    const auto track = tracks_.find(id);
+    const bool keeps = track != tracks_.end() && track->second.has_sent_velocity();
+    const MotionEstimate now = keeps      ? MotionEstimate{instance->velocity_mps, {}}
+                               : dt_s > 0 ? estimate(id, instance, instance->pose.position_m, nullptr, dt_s)
+                                          : MotionEstimate{};
     update_.ids.push_back(id);
     update_.poses.push_back(instance->pose);
     update_.velocities_mps.push_back(now.velocity_mps);

@@ -300,9 +300,9 @@ struct StateFields {
   }
   template <typename A, SameAs<MotionTrack> T>
   static void each(A& archive, T& track) {
-    auto& [known, stands, held, filters, noisy, last, since, ticks_since, intervals_s, intervals, held_share, mean_interval, interval_variance, last_mps, last_miss, misses,
+    auto& [known, stands, held, filters, noisy, sent, last, since, ticks_since, intervals_s, intervals, held_share, mean_interval, interval_variance, last_mps, last_miss, misses,
            miss_product, beliefs, believed] = track;
-    archive(known, stands, held, filters, noisy, last, since, ticks_since, intervals_s, intervals, held_share, mean_interval, interval_variance, last_mps, last_miss, misses,
+    archive(known, stands, held, filters, noisy, sent, last, since, ticks_since, intervals_s, intervals, held_share, mean_interval, interval_variance, last_mps, last_miss, misses,
             miss_product, beliefs, believed);
   }
   struct TrackOf {
