@@ -64,6 +64,17 @@ settings=() shown="--settings <keep_shot 0, 0.25, 0.5 and 2>"
 for share in 0:0 025:0.25 05:0.5 2:2; do settings+=(--settings "keep-${share%:*}={\"settings\":{\"keep_shot\":${share#*:}}}"); done
 evaluate keep-shot --truth-every "$scenes_every" --group study --policy sightline
 settings=() shown=""
+evaluate roofs --truth-every 20 --group roofs --policy sightline --policy spring-arm --policy raycast
+# Each shot by its name, with the first target as the subject and the second as the other.
+settings=() shown="--settings <each named shot of the subject 1 and the other 2>"
+for shot in wide medium close two-shot chase side top-down orbit; do
+  settings+=(--settings "$shot=$("$SIGHTLINE_BIN/sightline" shots "$shot" --subject 1 --other 2)")
+done
+named_scenes=()
+for scene in hall forest city rooms level-rooms-beside level-roofed-row roof-two-walk; do named_scenes+=(--scene "$scene"); done
+evaluate named-shots --truth-every 20 "${named_scenes[@]}" --policy follow
+settings=() shown=""
+evaluate worth-ceiling --truth-every 20 --group roofs --scene rooms --scene doors --scene corridors --scene forest --scene crowd --policy sightline --policy ceiling-worth
 level_groups=(--group levels)
 [ -n "${SIGHTLINE_TILES:-}" ] && level_groups+=(--group tiles)
 evaluate levels --truth-every "$scenes_every" --group situations "${level_groups[@]}"
