@@ -450,7 +450,7 @@ class GoalSearch {
   }
   bool gains_by_shot(uint32_t seen, const FlightPlan& plan) const {
     double enough = in_.carried.blind.way_m.empty() ? 1.0 : 0.5;
-    // Whoever stands may do so for long, so a single one of many who is hidden is reason enough.
+    // Standing targets may stand for long, so a single hidden one of many is reason enough.
     if (targets_stand(in_.step)) enough = good_enough_share(enough, effective_count(in_.step.targets.sight_weights));
     const bool now = seen != in_.step.targets.steered && gain_by_shot() > enough * kShotGain;
     return now || gain_by_shot_after(plan) > enough * kShotGainAhead;

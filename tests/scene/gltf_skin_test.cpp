@@ -122,7 +122,7 @@ TEST_F(GltfSkinned, VerticesAreWhereTheJointsPutThemWhateverTheNodesOwnTransform
   }
 }
 
-// Whoever moves the armature moves the body with it.
+// Moving the armature moves the body with it.
 TEST_F(GltfSkinned, ABodyMovesWithTheNodeThatIsBound) {
   CounterRandom random(8, 0, RandomPurpose::kTest);
   const Body body = add_body(random, 4, 30, 0.5);
@@ -162,7 +162,7 @@ TEST_F(GltfSkinned, QuantisedPositionsAreWhatTheBindMatrixMakesOfThem) {
   expect_near(drawn(*load(), "body"), {{-1, 5, 2}, {1, 5, 2}, {-1, 7, 2}}, 1e-4);
 }
 
-// One joint for each of two sets; a vertex that nobody weighs belongs to its first joint.
+// Each of two sets names one joint. A vertex without weights belongs to its first joint.
 TEST_F(GltfSkinned, FurtherSetsCountAndVerticesWithoutWeightsBelongToTheirFirstJoint) {
   const int low = file.add("nodes", {{"translation", {0, 0, 0}}}), high = file.add("nodes", {{"translation", {0, 4, 0}}});
   const json attributes{{"POSITION", file.floats({0, 0, 0, 1, 0, 0, 0, 1, 0})},

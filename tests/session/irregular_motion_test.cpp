@@ -125,7 +125,7 @@ TEST_P(IrregularMotion, HeldAndNoisyPositionsOfWhichSomeComeLateAreFilmedLikeCle
   EXPECT_LT(difference(clean_, other).mean_m, tolerated_m_);
 }
 
-// Who stands is not followed for the noise: the camera moves gently, and the picture is calm.
+// The camera does not follow the noise of a standing target: it moves gently, and the picture is calm.
 TEST(IrregularMotionOfOne, WhoStandsIsFilmedCalmlyInSpiteOfNoise) {
   const Filmed clean = filmed(0.0, {}, 1);
   for (const double noise_m : {0.003, 0.01}) {

@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kTick = 1.0 / 60, kJumpMps = 100.0;
 
-// Runs, turns by 90 degrees within 0.3 s, stops within 0.2 s, stands for 2 s and runs on.
+// The target runs, turns by 90 degrees within 0.3 s, stops within 0.2 s, stands for 2 s and runs on.
 glm::dvec3 velocity_at(double time_s, double speed_mps) {
   const double turned = std::clamp((time_s - 2) / 0.3, 0.0, 1.0) * std::numbers::pi / 2;
   if (time_s < 6) return speed_mps * glm::dvec3(std::cos(turned), 0, std::sin(turned));
@@ -38,7 +38,7 @@ class Course {
   std::vector<glm::dvec3> at_m_;
 };
 
-// Of a normal distribution, by the sum of twelve numbers.
+// Draws from a normal distribution, as the sum of twelve numbers.
 double normal(CounterRandom& random) {
   double sum = -6;
   for (int k = 0; k < 12; ++k) sum += random.next_unit();
@@ -171,7 +171,7 @@ TEST(MotionTrack, SentVelocitiesCarryHeldPositionsOn) {
   }
 }
 
-// A camera sees a door swing at 30 Hz: pauses of a second are no holds, and clean steps after them are clean.
+// A walker pauses again and again. Those pauses are not held positions, and the steps after them are taken as they are.
 TEST(MotionTrack, PausesOfOneWhoStopsAndGoesAreNoHolds) {
   MotionTrack track;
   glm::dvec3 at_m(0.0);

@@ -1,4 +1,4 @@
-// What a shot asks for at each frame, in scenes where the directions are known.
+// Tests of what a shot asks for at each frame, in scenes where the directions are known.
 #include "client/truth/asked_frames.h"
 
 #include <gtest/gtest.h>

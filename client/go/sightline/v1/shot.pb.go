@@ -180,6 +180,9 @@ type Shot struct {
 	// The side from which the camera looks: the angle from the frame's direction to the camera, seen from the subjects, [-2 pi, 2 pi]. 0: from the
 	// front, positive: from the right of somebody who faces along the direction, pi: from behind.
 	SideRad *float64 `protobuf:"fixed64,6,opt,name=side_rad,json=sideRad,proto3,oneof" json:"side_rad,omitempty"`
+	// True: the mirror image of the shot is as good, with the camera at -side_rad. The one that is nearer to the camera when the shot begins is taken, so the camera does not cross the
+	// line of action between two people. Default: false.
+	EitherSide bool `protobuf:"varint,16,opt,name=either_side,json=eitherSide,proto3" json:"either_side,omitempty"`
 	// How fast the side turns, [-3, 3]: an orbit. Default: 0.
 	OrbitRadps float64 `protobuf:"fixed64,7,opt,name=orbit_radps,json=orbitRadps,proto3" json:"orbit_radps,omitempty"`
 	// The height from which the camera looks: its elevation over the middle of the subjects, [-pi/2, pi/2], and a little more for rounded numbers. The limits Settings.min_elevation_rad and
@@ -283,6 +286,13 @@ func (x *Shot) GetSideRad() float64 {
 		return *x.SideRad
 	}
 	return 0
+}
+
+func (x *Shot) GetEitherSide() bool {
+	if x != nil {
+		return x.EitherSide
+	}
+	return false
 }
 
 func (x *Shot) GetOrbitRadps() float64 {
@@ -656,7 +666,7 @@ var File_sightline_v1_shot_proto protoreflect.FileDescriptor
 
 const file_sightline_v1_shot_proto_rawDesc = "" +
 	"\n" +
-	"\x17sightline/v1/shot.proto\x12\fsightline.v1\x1a\x19sightline/v1/camera.proto\"\xc7\x05\n" +
+	"\x17sightline/v1/shot.proto\x12\fsightline.v1\x1a\x19sightline/v1/camera.proto\"\xe8\x05\n" +
 	"\x04Shot\x12\x1f\n" +
 	"\vsubject_ids\x18\x01 \x03(\x06R\n" +
 	"subjectIds\x12.\n" +
@@ -666,6 +676,8 @@ const file_sightline_v1_shot_proto_rawDesc = "" +
 	"line_to_id\x18\x04 \x01(\x06R\blineToId\x12(\n" +
 	"\x05front\x18\x05 \x01(\v2\x12.sightline.v1.Vec3R\x05front\x12\x1e\n" +
 	"\bside_rad\x18\x06 \x01(\x01H\x01R\asideRad\x88\x01\x01\x12\x1f\n" +
+	"\veither_side\x18\x10 \x01(\bR\n" +
+	"eitherSide\x12\x1f\n" +
 	"\vorbit_radps\x18\a \x01(\x01R\n" +
 	"orbitRadps\x12\"\n" +
 	"\n" +

@@ -941,8 +941,9 @@ type ViewpointSearchSettings struct {
 	// Texels on each side of each of the six cube faces round a target.
 	Resolution *uint32 `protobuf:"varint,2,opt,name=resolution,proto3,oneof" json:"resolution,omitempty"`
 	// While the targets stand still, a shot is kept if at most this share of them is hidden, on average, from its viewpoint and
-	// from the neighbouring ones. 0: the camera never comes to rest. 1: it never looks for another shot. While they move, only the
-	// client's own shot is taken again in this way, after 1.5 s with at most 0.05.
+	// from the neighbouring ones. From three targets on it is less, half of it with four equal ones, so that the same part of a single one may be
+	// hidden. 0: the camera never comes to rest. 1: it never looks for another shot. While they move, only the client's own shot is taken
+	// again in this way, after 1.5 s with at most 0.05.
 	KeepShotBelow *float64 `protobuf:"fixed64,3,opt,name=keep_shot_below,json=keepShotBelow,proto3,oneof" json:"keep_shot_below,omitempty"`
 	// Otherwise the cost of a new shot must be lower by this much. The cost of a shot is what its picture lacks of the worth of the asked one (ShotWeights), and a
 	// part of that for the change of the present shot.
