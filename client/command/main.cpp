@@ -74,8 +74,8 @@ void add_evaluate(CLI::App& app, sightline::EvaluateOptions& options) {
   for (const sightline::PolicyEntry& policy : sightline::policies()) names.push_back(policy.name);
   evaluate
       ->add_option("--policy", options.policies,
-                   "A camera policy; may be repeated. Default: all but ceiling, a camera that knows the whole scene in advance. It "
-                   "shows what is possible at all, and takes a few seconds for each second of a scene")
+                   "A camera policy; may be repeated. Default: all but the ceilings, cameras that know the whole scene in advance. They "
+                   "show what is possible at all, and take a few seconds for each second of a scene")
       ->check(CLI::IsMember(names));
   evaluate
       ->add_option("--settings", options.settings,
