@@ -144,7 +144,21 @@ def shot_claims(runs):
     """Of the runs that were judged by whole bodies and by the shot."""
     return [_against(runs, rival, name, text, operator.gt, 1.0, format_of) for rival in RIVALS
             for name, text, format_of in (("joint_whole_share", "everybody whole in more pictures", percent),
-                                          ("mean_worth", "pictures of more worth", lambda worth: number(worth, 2)))]
+                                          ("mean_worth", "pictures of more worth", lambda worth: number(worth, 2)))] + _height_claims(runs)
+
+
+# Scenes in which a camera near the asked height sees everybody.
+OPEN_SCENES = ("hall", "city", "crowd-0", "crowd-10", "crowd-20")
+
+
+def _height_claims(runs):
+    own = {scene: select(_own(runs), scene=scene) for scene in OPEN_SCENES}
+    away = {scene: abs(math.degrees(mean(rows, "median_height_rad") - mean(rows, "asked_height_rad"))) for scene, rows in own.items() if rows}
+    if not away:
+        return []
+    worst = max(away, key=away.get)
+    return [Claim(f"{', '.join(away)}: the median height is within 10 degrees of the asked one", away[worst] <= 10,
+                  f"at most {number(away[worst], 1)} degrees away, in {worst}")]
 
 
 def _calm_claims(runs):

@@ -14,6 +14,7 @@ import levels_page  # noqa: E402
 import make_page  # noqa: E402
 import paper_tables  # noqa: E402
 import scene_tables  # noqa: E402
+import shot_tables  # noqa: E402
 
 
 def spread(name, value):
@@ -418,9 +419,36 @@ class Worth(unittest.TestCase):
 
     def test_claims_compare_whole_bodies_and_worth(self):
         runs = [run("hall", policy, 1.0, 0.5, 3.0, joint_whole_share=0.4, mean_worth=0.5) for policy in claims.RIVALS]
-        own = run("hall", "sightline", 1.0, 0.5, 3.0, joint_whole_share=0.5, mean_worth=0.45)
-        holds = [claim.holds for claim in claims.shot_claims(runs + [own])]
-        self.assertEqual(holds, [True, False] * len(claims.RIVALS))
+        for height_rad, is_near in ((0.3, True), (0.4, False)):
+            own = run("hall", "sightline", 1.0, 0.5, 3.0, joint_whole_share=0.5, mean_worth=0.45, asked_height_rad=0.2, median_height_rad=height_rad)
+            holds = [claim.holds for claim in claims.shot_claims(runs + [own])]
+            self.assertEqual(holds, [True, False] * len(claims.RIVALS) + [is_near])
+        self.assertIn("11.5 degrees away, in hall", claims.shot_claims(runs + [own])[-1].figure)
+
+
+class Shots(unittest.TestCase):
+    def row(self, scene, policy, seed=1.0, **figures):
+        return {name: 0.25 for name in shot_tables.SHOT_COLUMNS + shot_tables.WORTH_CEILING_COLUMNS} | {"scene": scene, "policy": policy, "seed": seed} | figures
+
+    def test_scenes_under_roofs_in_which_somebody_is_cut_off_are_named(self):
+        part = shot_tables.roofs_part([self.row("roof-two", "sightline", joint_whole_share=0.97), self.row("roof-four", "sightline", joint_whole_share=0.9),
+                                       self.row("roof-four", "sightline", 2.0, joint_whole_share=0.7), self.row("roof-four", "raycast", joint_whole_share=0.1)])
+        self.assertIn("in 1 of 2 scenes; not in roof-four (80 %)", part)
+        self.assertIn("| roof-four | sightline | 2 | 0.250 | 80.0 % | 70 % |", part)
+        self.assertEqual(shot_tables.roofs_part([]), "")
+
+    def test_the_default_is_compared_with_the_ceiling_on_shared_seeds(self):
+        part = shot_tables.worth_ceiling_part([self.row("hall", "sightline", 1.0, mean_worth=0.6), self.row("hall", "sightline", 2.0, mean_worth=0.1),
+                                               self.row("hall", "ceiling-worth", 1.0, mean_worth=0.8, most_worth=0.9), self.row("city", "sightline")])
+        self.assertIn("| hall | 1 | 0.60 | 0.80 | 0.90 | 75 % |", part)
+        self.assertNotIn("city", part)
+        self.assertNotIn("tuning seeds", part)
+
+    def test_shots_stand_beside_each_other_with_their_means(self):
+        part = shot_tables.named_shots_part([self.row("hall", "chase", mean_worth=0.9), self.row("hall", "orbit", mean_worth=0.5), self.row("city", "chase", mean_worth=0.7),
+                                             self.row("city", "orbit", mean_worth=0.5), self.row("city", "follow", mean_worth=0.1)])
+        self.assertIn("| scene | chase | orbit |", part)
+        self.assertIn("| mean | 0.80 | 0.50 |", part)
 
 
 class Page(unittest.TestCase):
