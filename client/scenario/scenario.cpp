@@ -81,9 +81,9 @@ Status Scenario::take_role(int node) {
   if (!weight.is_number() || !(weight.get<double>() >= 0.0))
     return invalid(field_of(asset_node, "weight"), "must be a number >= 0");
   const Json required = extras.value("required", Json(true));
-  if (!required.is_boolean()) return invalid(field_of(asset_node, "required"), "must be true or false");
+  if (!required.is_boolean() && required != 0 && required != 1) return invalid(field_of(asset_node, "required"), "must be true or false");
   if (*role == "camera") return take_camera(node);
-  return take_actor(node, role->get<std::string>(), weight.get<double>(), required.get<bool>());
+  return take_actor(node, role->get<std::string>(), weight.get<double>(), required == true || required == 1);
 }
 
 Status Scenario::take_actor(int node, const std::string& role, double weight, bool required) {

@@ -37,6 +37,7 @@ using Finish = void (*)(JsonCheck& check, const json& from, const std::string& p
 enum class Kind {
   kString,
   kBoolean,
+  kFlag,  // true, false, 1 or 0: older versions of Blender write True as 1
   kNumber,
   kPositive,     // a number above 0
   kShare,        // a number in [0, 1]
@@ -147,6 +148,8 @@ class JsonCheck {
         return expect(value.is_string(), value, path, "must be a string");
       case Kind::kBoolean:
         return expect(value.is_boolean(), value, path, "must be true or false");
+      case Kind::kFlag:
+        return expect(value.is_boolean() || value == 0 || value == 1, value, path, "must be true or false");
       case Kind::kNumber:
         return expect(value.is_number(), value, path, "must be a number");
       case Kind::kPositive:
@@ -364,8 +367,8 @@ void check_camera(JsonCheck& check, const json& camera, const std::string& path,
 
 // The part of a node's extras that Sightline reads. Other members are for the players of the scene.
 constexpr Member kOurExtras[] = {whole("layers", 0, std::numeric_limits<uint32_t>::max()),
-                                 plain("opacity", Kind::kShare), plain("occludes", Kind::kBoolean),
-                                 plain("collides", Kind::kBoolean), plain("visible", Kind::kBoolean)};
+                                 plain("opacity", Kind::kShare), plain("occludes", Kind::kFlag),
+                                 plain("collides", Kind::kFlag), plain("visible", Kind::kFlag)};
 constexpr Member kExtras[] = {object("sightline", kOurExtras)};
 
 void check_extras(JsonCheck& check, const json& node, const std::string& path, json&) {

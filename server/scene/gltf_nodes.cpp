@@ -122,9 +122,12 @@ void read_extras(const nlohmann::json& extras, AssetNode& node) {
   InstanceAttributes& to = node.attributes;
   to.layers = ours.value("layers", to.layers);
   to.opacity = ours.value("opacity", to.opacity);
-  to.occludes = ours.value("occludes", to.occludes);
-  to.collides = ours.value("collides", to.collides);
-  to.visible = ours.value("visible", to.visible);
+  const auto read_flag = [&](const char* key, bool& flag) {
+    if (ours.contains(key)) flag = ours[key].is_boolean() ? ours[key].get<bool>() : ours[key] == 1;
+  };
+  read_flag("occludes", to.occludes);
+  read_flag("collides", to.collides);
+  read_flag("visible", to.visible);
 }
 
 // KHR_node_visibility: the node and all below it are hidden.

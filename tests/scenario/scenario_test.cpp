@@ -68,7 +68,7 @@ glm::dquat turn(double degrees, const glm::dvec3& axis) {
 TEST(ScenarioRoles, ActorsAreNumberedFromOneInFileOrder) {
   Asset asset;
   asset.add("wall", nullptr);
-  asset.add("anna", {{"sightline", {{"role", "target"}, {"weight", 2.5}, {"required", false}}}});
+  asset.add("anna", {{"sightline", {{"role", "target"}, {"weight", 2.5}, {"required", 0}}}});
   asset.add("cart", role("occluder"));
   asset.add("ben", role("target"));
   const auto scenario = asset.read();
@@ -106,7 +106,7 @@ TEST(ScenarioRoles, WrongOnesNameTheNodeAndTheKey) {
   EXPECT_EQ(with({{"role", 7}}), "nodes[anna].extras.sightline.role");
   EXPECT_EQ(with({{"role", "target"}, {"weight", -1}}), "nodes[anna].extras.sightline.weight");
   EXPECT_EQ(with({{"role", "target"}, {"weight", "much"}}), "nodes[anna].extras.sightline.weight");
-  EXPECT_EQ(with({{"role", "target"}, {"required", 1}}), "nodes[anna].extras.sightline.required");
+  EXPECT_EQ(with({{"role", "target"}, {"required", 2}}), "nodes[anna].extras.sightline.required");
   EXPECT_EQ(with({{"role", "camera"}}), "nodes[anna].extras.sightline.role") << "a second camera";
 }
 

@@ -296,6 +296,20 @@ TEST_F(Gltf, MorphTargetsAndMeshesWithoutJointsStayAtRestWithAWarning) {
                                                              HasSubstr("meshes[0].primitives[0].targets")));
 }
 
+TEST_F(Gltf, FlagsMayBeWrittenAsNumbers) {
+  for (const auto& [written, flag] : {std::pair<json, bool>{true, true}, {false, false}, {1, true}, {0, false}}) {
+    file = GlbBuilder();
+    const int node = file.triangle_node();
+    for (const char* key : {"occludes", "collides", "visible"}) file.json["nodes"][node]["extras"]["sightline"][key] = written;
+    const InstanceAttributes attributes = load()->nodes.at(0).attributes;
+    EXPECT_EQ(attributes.occludes, flag) << written;
+    EXPECT_EQ(attributes.collides, flag) << written;
+    EXPECT_EQ(attributes.visible, flag) << written;
+    file.json["nodes"][node]["extras"]["sightline"]["collides"] = 2;
+    EXPECT_EQ(load_error().field, "nodes[0].extras.sightline.collides");
+  }
+}
+
 // KHR_node_visibility, as Godot 4.5 writes it: a hidden node hides all that is below it.
 TEST_F(Gltf, NodesThatTheFileHidesAreHiddenWithAllBelowThem) {
   const int seen = file.triangle_node(), hidden = file.triangle_node(), below = file.triangle_node(), shown_below = file.triangle_node();
@@ -399,8 +413,8 @@ TEST_F(Gltf, WrongExtrasAreNamed) {
       {{{"layers", -1}}, ".layers"},
       {{{"layers", 1.5}}, ".layers"},
       {{{"layers", 4294967296}}, ".layers"},
-      {{{"occludes", 1}}, ".occludes"},
-      {{{"collides", 0}}, ".collides"},
+      {{{"occludes", 2}}, ".occludes"},
+      {{{"collides", -1}}, ".collides"},
       {{{"visible", "no"}}, ".visible"},
       {json(3), ""},
   };
