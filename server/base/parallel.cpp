@@ -8,6 +8,8 @@
 #include <thread>
 #include <vector>
 
+#include "server/base/cpu_budget.h"
+
 namespace sightline {
 namespace {
 
@@ -50,7 +52,7 @@ class Pieces {
 
 void parallel_for(size_t count, const std::function<void(size_t)>& visit) {
   Pieces pieces(count, visit);
-  const size_t cores = std::max(1u, std::thread::hardware_concurrency());
+  const auto cores = static_cast<size_t>(cpu_budget());
   std::vector<std::thread> helpers;
   try {
     while (helpers.size() + 1 < std::min(cores, count)) helpers.emplace_back([&pieces] { pieces.work(); });

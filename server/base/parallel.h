@@ -1,4 +1,4 @@
-// Loops over independent pieces on every core, for work such as loading. Repeated work below a millisecond is for ThreadPool
+// Loops over independent pieces on every CPU that the process may use (cpu_budget.h), for work such as loading. Repeated work below a millisecond is for ThreadPool
 // (thread_pool.h).
 #pragma once
 

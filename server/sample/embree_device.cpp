@@ -3,7 +3,9 @@
 #include <array>
 #include <cassert>
 #include <cstring>
+#include <string>
 
+#include "server/base/cpu_budget.h"
 #include "server/base/hash.h"
 #include "server/sample/embree_parts.h"
 
@@ -11,6 +13,11 @@ namespace sightline {
 namespace {
 
 using Content = EmbreeScene::Content;
+
+// Without it, Embree starts a thread for each CPU of the machine. A container that may use fewer says so by its quota, which Embree does not read.
+std::string device_configuration() {
+  return "threads=" + std::to_string(cpu_budget());
+}
 
 // Above this size a hierarchy with spatial splits is not worth the time that it takes to build.
 constexpr size_t kMaxTrianglesOfHighQuality = 1'000'000;
@@ -142,7 +149,7 @@ FilterContext::FilterContext(const TopScene& filtered_top, const RayFilter& ray_
   if (ignores || ray_filter.only_slot != UINT32_MAX) embree.filter = reject_filtered;
 }
 
-EmbreeDevice::Impl::Impl() : device(rtcNewDevice(nullptr)) {
+EmbreeDevice::Impl::Impl() : device(rtcNewDevice(device_configuration().c_str())) {
   assert(device);
   assert(rtcGetDeviceProperty(device.get(), RTC_DEVICE_PROPERTY_RAY_MASK_SUPPORTED));
   assert(rtcGetDeviceProperty(device.get(), RTC_DEVICE_PROPERTY_FILTER_FUNCTION_SUPPORTED));

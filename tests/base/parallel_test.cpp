@@ -1,10 +1,12 @@
 #include "server/base/parallel.h"
 
 #include <gtest/gtest.h>
+#include <sched.h>
 
 #include <atomic>
 #include <numeric>
 #include <stdexcept>
+#include <thread>
 #include <vector>
 
 namespace sightline {
@@ -16,6 +18,20 @@ TEST(ParallelFor, EveryPieceIsVisitedOnce) {
     parallel_for(count, [&](size_t i) { ++visits[i]; });
     for (size_t i = 0; i < count; ++i) EXPECT_EQ(visits[i], 1) << i << " of " << count;
   }
+}
+
+// A process that may use one CPU gains nothing from a second thread.
+TEST(ParallelFor, ItStartsNoMoreThreadsThanTheProcessMayUse) {
+  cpu_set_t before, one;
+  ASSERT_EQ(sched_getaffinity(0, sizeof before, &before), 0);
+  CPU_ZERO(&one);
+  for (int cpu = 0; cpu < CPU_SETSIZE && CPU_COUNT(&one) == 0; ++cpu)
+    if (CPU_ISSET(cpu, &before)) CPU_SET(cpu, &one);
+  ASSERT_EQ(sched_setaffinity(0, sizeof one, &one), 0);
+  std::vector<std::thread::id> threads(200);
+  parallel_for(threads.size(), [&](size_t i) { threads[i] = std::this_thread::get_id(); });
+  ASSERT_EQ(sched_setaffinity(0, sizeof before, &before), 0);
+  for (const std::thread::id& thread : threads) EXPECT_EQ(thread, std::this_thread::get_id());
 }
 
 TEST(ParallelFor, PiecesMayBePartedFurther) {
