@@ -369,10 +369,11 @@ struct StateFields {
   }
 
   static bool resume(SceneMirror& mirror, const Scene& scene) {
+    constexpr double kMostCorrectionM = 1e3;  // a tenth of a second at the fastest motion is far less
     const std::vector<uint64_t> ids = ids_by_slot(mirror, scene);
     if (ids.empty() && scene.slot_count > 0) return false;
     for (const Moved& moved : scene.moved)
-      if (!mirror.find(moved.id) || !(std::abs(glm::length(moved.pose.rotation) - 1.0) < 1e-3)) return false;
+      if (!(glm::length(moved.correction_m) < kMostCorrectionM) || !mirror.find(moved.id) || !(std::abs(glm::length(moved.pose.rotation) - 1.0) < 1e-3)) return false;
     std::vector<Instance> slots(ids.size());
     for (size_t slot = 0; slot < ids.size(); ++slot)
       if (ids[slot] != 0) slots[slot] = std::move(mirror.slots_[mirror.slot_by_id_.at(ids[slot])]);
@@ -408,6 +409,20 @@ struct StateFields {
 
   static bool possible(const MotionPredictor::Track& track) {
     return track.next_ < MotionPredictor::kKept && track.count_ <= MotionPredictor::kKept;
+  }
+  // Numbers that no motion has would make the estimate infinite.
+  static bool possible(const MotionTrack& track) {
+    constexpr double kMost = 1e10;
+    const auto small = [&](const glm::dvec3& v) { return glm::length(v) < kMost; };
+    const auto share_of = [](double value) { return value >= 0 && value <= 1; };
+    const auto belief = [&](const MotionTrack::Belief& of) {
+      return small(of.at_m) && small(of.velocity_mps) && of.position >= 0 && of.position < kMost && of.velocity >= 0 && of.velocity < kMost &&
+             of.both * of.both <= 1.01 * of.position * of.velocity + 1e-12 && share_of(of.share);
+    };
+    const auto time = [](double value_s) { return value_s >= 0 && value_s < kMost; };
+    return small(track.last_m_) && small(track.last_mps_) && small(track.last_miss_m_) && time(track.since_s_) && time(track.believed_s_) &&
+           time(track.mean_interval_s_) && time(track.interval_variance_s2_) && std::abs(track.miss_product_m2_) < kMost && share_of(track.held_share_) &&
+           std::all_of(track.intervals_s_.begin(), track.intervals_s_.end(), time) && std::all_of(track.beliefs_.begin(), track.beliefs_.end(), belief);
   }
   static bool possible(const PairHistory::Frame& frame) {
     const size_t targets = frame.target_ids.size();
@@ -488,6 +503,8 @@ Status Session::resume(uint64_t layout, std::string_view memory) {
   StateFields::Memory found;
   read(found);
   if (read.failed() || !read.at_end() || !StateFields::possible(found.carried)) return unfit("is damaged");
+  for (const StateFields::TrackOf& of : found.tracks)
+    if (!StateFields::possible(of.track)) return unfit("is damaged");
   for (const Target& target : found.targets)
     if (!mirror_.find(target.instance_id)) return unfit("is of a session with other targets");
   if (found.targets.size() > kMaxTargets) return unfit("is damaged");

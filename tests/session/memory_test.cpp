@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstring>
 #include <functional>
 #include <string>
 #include <string_view>
@@ -205,6 +206,39 @@ TEST(SessionMemory, StepsOutsideTheirRingAreRefused) {
     for (size_t at = 0; (at = memory.find(pair_of(count, count), at)) != std::string::npos; ++at)
       rings += accepted(at, 31, 32) && !accepted(at, 32, 32) && !accepted(at, 31, 33);
   EXPECT_EQ(rings, 4u) << "two for each target";
+}
+
+// Bytes of the memory changed one number at a time to one that no motion has: it is refused, or the next steps are sound. (A step that is not is an error of the kind kInternal.)
+TEST(SessionMemory, NumbersOfTracksThatNoMotionHasDoNoHarm) {
+  const auto options = [](SessionOptions& o) { o.settings = preset_settings(Preset::kSightline); };
+  Game first(options);
+  for (int i = 1; i <= 40; ++i) first.play(first.tick(kTickS).move(kAnn, {-1 + 0.05 * (i / 2), 1, 0}).move(kBob, {1 + 0.01 * (i % 3), 1, 0}));
+  ASSERT_GT(glm::length(first.instance(kAnn).velocity_mps), 0.5) << "its positions are known to be held";
+  std::string memory;
+  first.session->write_memory(memory);
+  int refused = 0, played = 0;
+  for (size_t at = 0; at + sizeof(double) <= memory.size(); at += 8) {
+    for (const double value : {-1.0, 1e200}) {
+      if (at > 3000) break;  // the scene, the targets and the tracks come first
+      std::string damaged = memory;
+      std::memcpy(damaged.data() + at, &value, sizeof value);
+      Game second(options);
+      if (!second.session->resume(Session::memory_layout(), damaged)) {
+        ++refused;
+        continue;
+      }
+      second.sequence = first.sequence, second.time_s = first.time_s;
+      const Status applied = second.session->apply(second.tick(kTickS).move(kAnn, {0.1, 1, 0}).move(kBob, {1.01, 1, 0}));
+      if (applied) (void)second.session->step();
+      for (const Instance& instance : second.session->mirror().instances()) {
+        const bool sound = !instance.geometry || is_finite(instance.center_m);
+        EXPECT_TRUE(sound) << at << " " << value;
+      }
+      ++played;
+    }
+  }
+  EXPECT_GT(refused, 100);
+  EXPECT_GT(played, 5);
 }
 
 TEST(SessionMemory, DamagedBytesAreRefused) {
