@@ -56,15 +56,21 @@ void MotionTrack::restart(const glm::dvec3& at_m) {
   last_m_ = at_m;
 }
 
+// A position that was held has had as long to change.
 bool MotionTrack::jumps(double dt_s, const glm::dvec3& at_m, double jump_mps) const {
-  return !(glm::distance(at_m, last_m_) <= jump_mps * dt_s);
+  const double held_s = since_s_ + dt_s <= kLongestHeldS ? since_s_ : 0.0;
+  return !(glm::distance(at_m, last_m_) <= jump_mps * (held_s + dt_s));
 }
 
 MotionEstimate MotionTrack::observe(double dt_s, const glm::dvec3& at_m, double jump_mps) {
   if (!known_ || jumps(dt_s, at_m, jump_mps)) return restart(at_m), MotionEstimate{};
+  const bool leaps = glm::distance(at_m, last_m_) > jump_mps * dt_s;
   since_s_ += dt_s, believed_s_ += dt_s, ++ticks_since_;
   sent_ = false;
-  return at_m == last_m_ ? unchanged(dt_s) : changed(dt_s, at_m);
+  if (at_m == last_m_) return unchanged(dt_s);
+  const MotionEstimate now = changed(dt_s, at_m);
+  // Until it is known that positions are held, a leap of one tick is no motion.
+  return leaps && !filters_ ? MotionEstimate{} : now;
 }
 
 MotionEstimate MotionTrack::observe_sent(double dt_s, const glm::dvec3& at_m, const glm::dvec3& velocity_mps, double jump_mps) {

@@ -419,6 +419,9 @@ struct StateFields {
       return small(of.at_m) && small(of.velocity_mps) && of.position >= 0 && of.position < kMost && of.velocity >= 0 && of.velocity < kMost &&
              of.both * of.both <= 1.01 * of.position * of.velocity + 1e-12 && share_of(of.share);
     };
+    double shares = 0;
+    for (const MotionTrack::Belief& of : track.beliefs_) shares += of.share;
+    if (track.filters_ && !(std::abs(shares - 1) < 1e-6)) return false;
     const auto time = [](double value_s) { return value_s >= 0 && value_s < kMost; };
     return small(track.last_m_) && small(track.last_mps_) && small(track.last_miss_m_) && time(track.since_s_) && time(track.believed_s_) &&
            time(track.mean_interval_s_) && time(track.interval_variance_s2_) && std::abs(track.miss_product_m2_) < kMost && share_of(track.held_share_) &&

@@ -147,6 +147,23 @@ TEST(MotionTrack, WhoIsHeldForLongerThanBeforeHasStopped) {
   EXPECT_EQ(now.correction_m, glm::dvec3(0.0));
 }
 
+// At 10 Hz a car at 30 m/s leaps by 3 m in one tick of six: 180 m/s by that tick alone.
+TEST(MotionTrack, HeldPositionsOfFastCarsAreNoJumps) {
+  for (const double rate_ticks : {2.0, 3.0, 6.0}) {
+    MotionTrack track;
+    MotionEstimate now;
+    double fastest_mps = 0, at_m = 0;
+    for (int k = 0; k < 120; ++k) {
+      at_m = 30 * kTick * rate_ticks * std::floor(k / rate_ticks);
+      now = track.observe(kTick, {at_m, 0, 0}, kJumpMps);
+      fastest_mps = std::max(fastest_mps, glm::length(now.velocity_mps));
+    }
+    EXPECT_NEAR(now.velocity_mps.x, 30, 0.1) << rate_ticks;
+    EXPECT_NEAR(at_m + now.correction_m.x, 30 * 119 * kTick, 0.1) << rate_ticks;
+    EXPECT_LE(fastest_mps, kJumpMps) << rate_ticks;
+  }
+}
+
 TEST(MotionTrack, AJumpIsNoMotion) {
   MotionTrack track;
   for (int k = 0; k < 60; ++k) track.observe(kTick, {0.05 * (k / 2), 0, 0}, kJumpMps);
