@@ -39,8 +39,8 @@ class SightEstimate {
   // If all of the first `known_free` rays are known to reach every target from here, they are not traced again.
   bool is_allowed(const glm::dvec3& eye_m) const { return place_limits_->hold(eye_m); }
   TargetsSeen shares(const glm::dvec3& eye_m, size_t rays, size_t known_free = 0) const;
-  // What a picture lacks of the targets' whole bodies, hidden and cut off at its edge alike, [0, 1]: sight_loss in client/truth/coherence.h, found with
-  // `rays` points of each body. The limits of distance and elevation do not count.
+  // Estimates sight_loss (client/truth/coherence.h) of a picture, [0, 1], with `rays` points of each body, [1, kExtentPoints]. Hidden points and points outside the picture
+  // count alike. The limits of distance and elevation do not count.
   double whole_loss(const Pose& world_from_camera, size_t rays) const;
   std::span<const TrackedTarget> targets() const { return targets_; }
 

@@ -20,7 +20,7 @@ struct Timeline {
 // A step of a plan: the camera's acceleration is constant for this many stages.
 inline constexpr size_t kStagesPerStep = 2;
 
-// What a plan has as much of as it can.
+// The quantity that a plan makes as large as it can.
 enum class PlanAim {
   kJoint,  // pictures that show all targets
   kWorth,  // what its pictures are worth: the first picture's shot, with everybody whole (client/truth/coherence.h)

@@ -15,7 +15,7 @@ namespace sightline {
 
 // One result a frame. `shot` begins at the first frame; what it leaves open is taken from the camera there. Subjects that the scene lacks do not count; without any, the
 // targets are the subjects. Side, height and size are measured from the subjects' middle, the place from the targets' centre; a shot with several places asks
-// for their mean. Frame travel: who is slower than 0.3 m/s keeps the direction, at first that of the instance's front. Moves the time of `world`.
+// for their mean. Frame kTravel: an instance slower than 0.3 m/s keeps its last direction, and at first it has the direction of its front. Moves the time of `world`.
 std::vector<FrameShot> shots_as_asked(const AskedShot& shot, ScenarioWorld& world, std::span<const CameraFrame> frames);
 
 }  // namespace sightline

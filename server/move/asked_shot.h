@@ -53,7 +53,8 @@ struct PlaceInFrame {
 // The offset from the middle of the subjects to the camera, world axes, in a frame of this yaw; and back. From right above or below, the side is 0.
 glm::dvec3 offset_in_frame(const PlaceInFrame& place, double frame_yaw_rad);
 PlaceInFrame place_in_frame(const glm::dvec3& offset_m, double frame_yaw_rad);
-// The asked side of a shot that begins with the camera at `now_rad`: what was left open is that side, and of two sides that are as good the nearer one counts.
+// The side of a shot that begins while the camera is at the side `now_rad`. It is `now_rad` where the client sent none. With either_side it is the sent side or its
+// mirror image, whichever is nearer to `now_rad`.
 double first_side_rad(const AskedShot& asked, double now_rad);
 // From `from` (share 0) to `to` (share 1) along the shorter way round. The share is eased: the way begins and ends gently.
 PlaceInFrame blend(const PlaceInFrame& from, const PlaceInFrame& to, double share);
