@@ -33,8 +33,8 @@ struct StateFields {
   }
   template <typename A, SameAs<TurnState> T>
   static void each(A& archive, T& turn) {
-    auto& [angles, yaw_rate, pitch_rate] = turn;
-    archive(angles, yaw_rate, pitch_rate);
+    auto& [angles, yaw_rate, pitch_rate, roll_rate] = turn;
+    archive(angles, yaw_rate, pitch_rate, roll_rate);
   }
   template <typename A, SameAs<ZoomState> T>
   static void each(A& archive, T& zoom) {
@@ -50,8 +50,8 @@ struct StateFields {
   }
   template <typename A, SameAs<ShotFrameState> T>
   static void each(A& archive, T& frame) {
-    auto& [number, yaw, age, from, to, now, travels_id] = frame;
-    archive(number, yaw, age, from, to, now, travels_id);
+    auto& [number, yaw, age, from, to, now, travels_id, lead] = frame;
+    archive(number, yaw, age, from, to, now, travels_id, lead);
   }
   template <typename A, SameAs<PlaceInFrame> T>
   static void each(A& archive, T& place) {
@@ -65,8 +65,8 @@ struct StateFields {
   }
   template <typename A, SameAs<CutState> T>
   static void each(A& archive, T& cut) {
-    auto& [since, unseen, next_rank, most_seen, takes_partial] = cut;
-    archive(since, unseen, next_rank, most_seen, takes_partial);
+    auto& [since, unseen, target_jumped, next_rank, most_seen, takes_partial] = cut;
+    archive(since, unseen, target_jumped, next_rank, most_seen, takes_partial);
   }
   template <typename A, SameAs<Trail> T>
   static void each(A& archive, T& trail) {
@@ -265,12 +265,12 @@ struct StateFields {
   struct Moved {
     uint64_t id = 0;
     Pose pose;
-    glm::dvec3 velocity_mps{0.0}, correction_m{0.0};
+    glm::dvec3 velocity_mps{0.0}, angular_velocity_radps{0.0}, correction_m{0.0};
   };
   template <typename A, SameAs<Moved> T>
   static void each(A& archive, T& instance) {
-    auto& [id, pose, velocity, correction] = instance;
-    archive(id, pose, velocity, correction);
+    auto& [id, pose, velocity, angular_velocity, correction] = instance;
+    archive(id, pose, velocity, angular_velocity, correction);
   }
   // Slots decide the order of what is equal otherwise.
   struct Slot {
@@ -305,9 +305,19 @@ struct StateFields {
     archive(known, stands, held, filters, noisy, sent, last, since, ticks_since, intervals_s, intervals, held_share, mean_interval, interval_variance, last_mps, last_miss, misses,
             miss_product, beliefs, believed);
   }
+  template <typename A, SameAs<TurnTrack> T>
+  static void each(A& archive, T& track) {
+    auto& [sent, turned, since, interval, rate, turning] = track;
+    archive(sent, turned, since, interval, rate, turning);
+  }
+  template <typename A, SameAs<Session::Track> T>
+  static void each(A& archive, T& track) {
+    auto& [motion, turn] = track;
+    archive(motion, turn);
+  }
   struct TrackOf {
     uint64_t id = 0;
-    MotionTrack track;
+    Session::Track track;
   };
   template <typename A, SameAs<TrackOf> T>
   static void each(A& archive, T& of) {
@@ -338,7 +348,7 @@ struct StateFields {
                 .free_slots = mirror.free_slots_};
     for (const uint32_t slot : mirror.moving_slots_) {
       const Instance& instance = mirror.slots_[slot];
-      scene.moved.push_back({instance.id, instance.pose, instance.velocity_mps, instance.correction_m});
+      scene.moved.push_back({instance.id, instance.pose, instance.velocity_mps, instance.angular_velocity_radps, instance.correction_m});
     }
     for (const uint32_t slot : mirror.rearranged_slots_) scene.rearranged.push_back({slot, mirror.slots_[slot].id});
     return scene;
@@ -399,7 +409,7 @@ struct StateFields {
   static void move(SceneMirror& mirror, uint32_t slot, const Moved& moved) {
     Instance& instance = mirror.slots_[slot];
     instance.pose = moved.pose;
-    instance.velocity_mps = moved.velocity_mps, instance.correction_m = moved.correction_m;
+    instance.velocity_mps = moved.velocity_mps, instance.angular_velocity_radps = moved.angular_velocity_radps, instance.correction_m = moved.correction_m;
     instance.moving = true;
     mirror.moving_slots_.push_back(slot);
     mirror.place(slot);
@@ -426,6 +436,11 @@ struct StateFields {
     return small(track.last_m_) && small(track.last_mps_) && small(track.last_miss_m_) && time(track.since_s_) && time(track.believed_s_) &&
            time(track.mean_interval_s_) && time(track.interval_variance_s2_) && std::abs(track.miss_product_m2_) < kMost && share_of(track.held_share_) &&
            std::all_of(track.intervals_s_.begin(), track.intervals_s_.end(), time) && std::all_of(track.beliefs_.begin(), track.beliefs_.end(), belief);
+  }
+  static bool possible(const Session::Track& track) {
+    const TurnTrack& turn = track.turn;
+    const auto rate = [](const glm::dvec3& radps) { return glm::length(radps) <= kMostTurnRadps; };
+    return possible(track.motion) && rate(turn.turning_radps_) && rate(turn.rate_radps_) && turn.since_s_ >= 0 && turn.interval_s_ >= 0;
   }
   static bool possible(const PairHistory::Frame& frame) {
     const size_t targets = frame.target_ids.size();

@@ -116,8 +116,8 @@ void Aggregation::find_outside(std::span<const glm::dvec3> aim_m) {
     const TrackedTarget& target = step_.targets.tracked_targets[i];
     bodies.push_back({aim_m[i] - glm::dvec3(0, target.low_m, 0), aim_m[i] + glm::dvec3(0, target.high_m, 0), target.aside_m, step_.targets.sight_weights[i]});
   }
-  const FramingSettings& framing = step_.input.settings.framing;
-  scratch_.picture_fit.outside_share(bodies, widest(step_.lens, framing), framing.framing_margin, scratch_.outside);
+  const FramingSettings framing = framing_of(step_.input);
+  scratch_.picture_fit.outside_share(bodies, widest(step_.lens, framing), framing.framing_margin, step_.roll_rad(), scratch_.outside);
 }
 
 // What a picture from each cell is expected to lack at the slices that are due.

@@ -40,6 +40,7 @@ struct ShotFrameState {
   PlaceInFrame from, to;    // the blend leads from the one to the other
   PlaceInFrame now;         // the wanted place at the last step
   uint64_t travels_id = 0;  // FRAME_TRAVEL: the instance whose direction it is
+  glm::dvec3 lead{0.0};     // the horizontal direction in which the picture leaves room, world; as long as the share of the room, at most 1
 };
 
 // What is seen of a target from the asked place, lately.
@@ -98,6 +99,7 @@ struct TargetPast {
 struct CutState {
   double since_s = 0.0;         // since the camera was placed or cut
   double unseen_s = 0.0;        // since a required target was last seen in the picture
+  bool target_jumped = false;   // a required target has jumped, and the camera is neither near its shot of it nor has it cut since
   size_t next_rank = 0;         // of the ranked places (cut_stage.cpp), the first that was not examined yet
   double most_seen = 0.0;       // of all places examined so far, the greatest weight of required targets that one sees
   bool takes_partial = false;   // every place was examined and none sees all required targets

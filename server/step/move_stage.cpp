@@ -114,7 +114,7 @@ bool aims_at_all(const MoveInput& in, const Decision& decision, const Aim& all, 
 // some out only if it would otherwise show none of those that it sees.
 Aim choose_aim(const MoveInput& in, Decision& decision) {
   const StepContext& step = in.step;
-  const FramingSettings& framing = step.input.settings.framing;
+  const AimRules rules = aim_rules(step);
   const std::span<const TrackedTarget> targets = step.targets.tracked_targets;
   const glm::dvec3 eye_m = decision.camera.pose.position_m;
   const ViewAngles& present = decision.turn.angles;
@@ -123,31 +123,42 @@ Aim choose_aim(const MoveInput& in, Decision& decision) {
   const bool stays = step.input.settings.move.follow == Follow::kStay, had_all = former == step.targets.steered;
   const uint32_t seen = stays ? step.targets.steered : seen_of_late(step, in.carried);
   if (stays ? all.fits && had_all : aims_at_all(in, decision, all, seen, had_all)) return all;
-  const auto fit = [&, lens = widest(step.lens, framing)](std::span<const TrackedTarget> kept, double room) {
+  const auto fit = [&, lens = widest(step.lens, rules.framing)](std::span<const TrackedTarget> kept, double room) {
     return fits_picture(eye_m, kept, present, lens, room, true);
   };
   TargetMemory memory;
   const uint32_t kept = keep_together(only_kept(targets, seen, memory), eye_m, former, std::cref(fit));
   if (kept == step.targets.steered) return all;
   decision.not_aimed_at = dropped_ids(step.targets, kept);
-  return aim_at(eye_m, only_kept(targets, kept, memory), present, step.lens, framing);
+  return aim_at(eye_m, only_kept(targets, kept, memory), present, step.lens, rules);
+}
+
+// The time in which the camera answers an aim: shorter the nearer the aim is to the edge of the soft zone, and none outside.
+double aim_response_s(const StepContext& step, const Aim& aim) {
+  constexpr double kHurriesFrom = 0.6;  // of the soft zone
+  double calm = 1.0;
+  const glm::dvec2 soft_zone = step.input.shot ? step.input.shot->soft_zone : glm::dvec2(0.0);
+  for (int axis = 0; axis < 2; ++axis)
+    if (soft_zone[axis] > 0) calm = std::min(calm, std::clamp((soft_zone[axis] - aim.off_half_pictures[axis]) / ((1 - kHurriesFrom) * soft_zone[axis]), 0.0, 1.0));
+  return calm * step.input.settings.framing.aim_response_s;
 }
 
 void turn(const MoveInput& in, Decision& decision) {
   const StepContext& step = in.step;
-  const FramingSettings& framing = step.input.settings.framing;
+  const FramingSettings framing = framing_of(step.input);
   CameraState& camera = decision.camera;
-  Aim aim{decision.turn.angles, step.lens.vertical_fov_rad, true};
+  Aim aim{.angles = decision.turn.angles, .vertical_fov_rad = step.lens.vertical_fov_rad};
   if (step.targets.steered != 0) aim = choose_aim(in, decision);
   const glm::dquat before = camera.pose.rotation;
-  decision.turn = turn_towards(decision.turn, aim.angles, step.input.limits, framing.aim_response_s, step.move_s);
+  decision.turn = turn_towards(decision.turn, aim.angles, step.input.limits, aim_response_s(step, aim), step.move_s);
   camera.pose.rotation = rotation_from_angles(decision.turn.angles);
   const glm::dquat delta = camera.pose.rotation * glm::conjugate(before);
   camera.angular_velocity_radps =
       glm::axis(delta) * (std::remainder(glm::angle(delta), 2 * std::acos(-1.0)) / step.move_s);
   // The zoom responds as fast as the aim.
   const double share = framing.aim_response_s > 0 ? 1 - std::pow(0.01, step.move_s / framing.aim_response_s) : 1.0;
-  const double fov_rad = zooms(framing) ? aim.vertical_fov_rad : step.input.lens.vertical_fov_rad;
+  double fov_rad = zooms(framing) ? aim.vertical_fov_rad : step.input.lens.vertical_fov_rad;
+  if (step.targets.steered != 0) fov_rad = fov_for_size_rad(step, in.carried.shot, camera.pose.position_m).value_or(fov_rad);
   decision.vertical_fov_rad += share * (fov_rad - decision.vertical_fov_rad);
 }
 

@@ -13,7 +13,7 @@ namespace {
 // the pace of the zoom (see `turn`).
 ZoomState zoom_of(const StepInput& input, const ZoomState& before) {
   ZoomState zoom = before;
-  const FramingSettings& framing = input.settings.framing;
+  const FramingSettings framing = framing_of(input);
   const double lens_rad = input.lens.vertical_fov_rad;
   const bool lens_changed = before.lens_fov_rad != lens_rad;
   if (before.vertical_fov_rad == 0.0 || (lens_changed && !zooms(framing))) zoom.vertical_fov_rad = lens_rad;
@@ -42,12 +42,12 @@ void open_step(const StepInput& input, const CarriedState& carried, TargetsNow& 
   look_at_targets(input, targets);
   give_up_targets(input, carried, keeps_shot(targets, carried.shot), targets, opening.given_up);
   set_sight_weights(targets);
-  opening.target_jumped = target_jumped(input, carried.pasts);
+  opening.target_jumped = carried.cut.target_jumped || target_jumped(input, carried.pasts);
   observe_targets(input, carried.pasts, opening.pasts);
   opening.move_s = std::min(input.dt_s, kMaxStepS);
   opening.zoom = zoom_of(input, carried.zoom);
   opening.shot = shot_in_force(input, targets, carried);
-  place_in_picture(input, opening.shot, targets);
+  place_in_picture(input, opening.shot, carried.turn.angles.yaw_rad, targets);
 }
 
 }  // namespace sightline

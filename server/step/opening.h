@@ -14,7 +14,7 @@ struct Opening {
   WantedShot shot;
   TargetIds given_up;
   std::vector<TargetPast> pasts;  // in the order of the input
-  bool target_jumped = false;     // a required target that is steered (see CutState)
+  bool target_jumped = false;     // a required target that is steered has, now or before (CutState)
 };
 void open_step(const StepInput& input, const CarriedState& carried, TargetsNow& targets, Opening& opening);
 

@@ -32,6 +32,7 @@ struct StepContext {
   double move_s = 0.0;        // time that the camera moves for; 0: paused
 
   size_t target_count() const { return input.targets.size(); }
+  double roll_rad() const { return input.shot && input.settings.move.follow == Follow::kOffset ? input.shot->roll_rad : 0.0; }  // as asked for
   bool is_steered(size_t target) const { return targets.steered >> target & 1u; }
   glm::dvec3 center_m() const { return weighted_center_m(targets.tracked_targets); }  // some target is steered
 };
@@ -53,6 +54,13 @@ double route_radius_m(const StepContext& step);
 // The most tests of triangles (ClearanceField) of one part of a step: some milliseconds. In eight of our scenes none took more than 10,745. So in
 // a scene of very many triangles at one place, no part takes long, and the same answer comes on every machine.
 inline constexpr uint64_t kMostTests = 100'000;
+
+// The settings of framing, with the lens range of the shot if it has one.
+FramingSettings framing_of(const StepInput& input);
+// The lens of the shot: the client's; within the lens range where the shot keeps a size by zooming.
+Lens shot_lens(const StepInput& input);
+// The lens by which places are judged: at its present zoom, or that of the shot where the zoom keeps a size from any place.
+Lens place_lens(const StepContext& step);
 
 // The position that the camera tries to reach. Some target must be steered, unless the camera is to stay where it is.
 glm::dvec3 desired_position_m(const StepContext& step, const WantedShot& shot);
@@ -238,6 +246,8 @@ const CutPlace* choose_cut(const MoveInput& input, const TakenMaps& taken, bool 
 // Changes the decision into a cut to `place`, and the shot into the one from there.
 void cut_to(const MoveInput& input, const TakenMaps& taken, const CutPlace& place, MoveScratch& scratch, WantedShot& shot,
             Decision& decision);
+// Returns whether a target's jump still asks for a cut: none was taken, the shot is far away, and not all places were examined yet.
+bool jump_waits(const MoveInput& input, bool target_jumped);
 // Counts the time without a sight of any required target.
 // `is_asked`: the shot may still cut (WantedShot::cut_s).
 void note_sights(const StepContext& step, const StepResult& result, bool target_jumped, bool is_asked, CutState& state);

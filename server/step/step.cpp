@@ -55,9 +55,8 @@ Bound reachable_bound(const StepContext& step, double horizon_s) {
 
 glm::dvec3 desired_position_m(const StepContext& step, const WantedShot& shot) {
   const MoveSettings& settings = step.input.settings.move;
-  const FramingSettings& framing = step.input.settings.framing;
   if (settings.follow == Follow::kStay) return step.camera.pose.position_m;
-  return desired_place_m(step.targets.tracked_targets, shot.shown_offset_m(), step.lens, framing.framing_margin, settings);
+  return desired_place_m(step.targets.tracked_targets, shot.shown_offset_m(), place_lens(step), step.input.settings.framing.framing_margin, settings);
 }
 
 double route_radius_m(const StepContext& step) {
@@ -153,6 +152,7 @@ StepResult Stepper::finish(const StageClock& clock) {
     dump_.decision = decide(in, work.move);
     const CutPlace* place =
         choose_cut(in, taken, work.opening.target_jumped, dump_.decision, work.move, carried_.cut);
+    carried_.cut.target_jumped = jump_waits(in, work.opening.target_jumped);
     if (place) cut_to(in, taken, *place, work.move, carried_.shot, dump_.decision), begin_at_cut(*place);
     carried_.shot.cut_s = std::max(0.0, carried_.shot.cut_s - step.move_s);
   }

@@ -85,9 +85,8 @@ void stop_search(ViewpointMap& viewpoints, WantedShot& shot) {
 }  // namespace
 
 glm::dvec3 framed_offset_m(const StepContext& step, const glm::dvec3& offset_m) {
-  const FramingSettings& framing = step.input.settings.framing;
-  return desired_place_m(step.targets.tracked_targets, offset_m, step.lens, framing.framing_margin, step.input.settings.move) -
-         step.center_m();
+  const double margin = step.input.settings.framing.framing_margin;
+  return desired_place_m(step.targets.tracked_targets, offset_m, place_lens(step), margin, step.input.settings.move) - step.center_m();
 }
 
 glm::dvec3 asked_place_m(const StepContext& step, const WantedShot& shot) {
