@@ -121,7 +121,8 @@ glm::dvec3 travel_m(const Instance& instance, double ahead_s) {
 }
 
 bool turns(const Instance& instance) {
-  return instance.moving && instance.angular_velocity_radps != glm::dvec3(0.0);
+  constexpr double kSlowestRadps = 1e-6;  // slower, no prediction turns it by anything that counts
+  return instance.moving && glm::length(instance.angular_velocity_radps) > kSlowestRadps;
 }
 
 Affine world_from_instance_ahead(const Instance& instance, double ahead_s) {

@@ -58,7 +58,7 @@ struct Instance {
 Pose believed_pose(const Instance& instance);
 // The displacement of a moving instance after `ahead_s` seconds at its velocity; zero for a static one.
 glm::dvec3 travel_m(const Instance& instance, double ahead_s);
-// True for a moving instance whose angular velocity is not zero.
+// True for a moving instance that turns by itself.
 bool turns(const Instance& instance);
 // world_from_instance of a moving instance displaced by travel_m, and turned by its angular velocity about its own origin.
 Affine world_from_instance_ahead(const Instance& instance, double ahead_s);
