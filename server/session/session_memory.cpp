@@ -248,11 +248,31 @@ struct StateFields {
     auto& [sum_metre_s] = gain;
     archive(sum_metre_s);
   }
+  template <typename A, SameAs<Pace> T>
+  static void each(A& archive, T& pace) {
+    auto& [response, closing, braking] = pace;
+    archive(response, closing, braking);
+  }
+  template <typename A, SameAs<Tracking> T>
+  static void each(A& archive, T& tracking) {
+    auto& [by, pace, vector, beyond] = tracking;
+    archive(by, pace, vector, beyond);
+  }
+  template <typename A, SameAs<SightCounts> T>
+  static void each(A& archive, T& counts) {
+    auto& [total, all, some, none, by_target] = counts;
+    archive(total, all, some, none, by_target);
+  }
+  template <typename A, SameAs<DecisionInForce> T>
+  static void each(A& archive, T& last) {
+    auto& [age_s, decisions, is_due, tracking, status, reason, view_way, sees_none, nearest_view, counts, target_ids, seen] = last;
+    archive(age_s, decisions, is_due, tracking, status, reason, view_way, sees_none, nearest_view, counts, target_ids, seen);
+  }
   template <typename A, SameAs<CarriedState> T>
   static void each(A& archive, T& state) {
-    auto& [camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, change, blind, shares, given_up,
+    auto& [camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, change, blind, in_force, shares, given_up,
            not_aimed_at, path, cut, pull] = state;
-    archive(camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, change, blind, shares, given_up,
+    archive(camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, change, blind, in_force, shares, given_up,
             not_aimed_at, path, cut, pull);
   }
   template <typename A, SameAs<Target> T>
@@ -472,6 +492,10 @@ struct StateFields {
     return map.ids_.size() <= kMaxTargets && map.shares_.size() == map.ids_.size() * ViewpointMap::kViewpoints &&
            map.known_s_.size() == map.ids_.size() && map.distance_m_ > 0;
   }
+  static bool possible(const DecisionInForce& last) {
+    return last.age_s >= 0 && last.tracking.by <= TrackBy::kAcceleration && last.status <= MoveStatus::kHolding && last.reason <= MoveReason::kCut &&
+           last.counts.visible_by_target.size() <= kMaxTargets;
+  }
   static constexpr double kFarthestViewM = 1e4;  // farther than any bound reaches
   static bool possible(const CarriedState& state) {
     const auto past = [](const TargetPast& of) { return possible(of.predictor.travel_) && possible(of.predictor.turn_); };
@@ -480,7 +504,7 @@ struct StateFields {
     const auto known = [](size_t viewpoint) { return viewpoint < ViewpointMap::kViewpoints; };
     const glm::dvec3& eye_m = state.camera.pose.position_m;
     const bool near_view = glm::distance(state.blind.view_m.value_or(eye_m), eye_m) < kFarthestViewM;
-    return possible(state.candidates) && possible(state.viewpoints) && state.pasts.size() <= kMaxTargets &&
+    return possible(state.candidates) && possible(state.viewpoints) && possible(state.in_force) && state.pasts.size() <= kMaxTargets &&
            std::all_of(state.pasts.begin(), state.pasts.end(), past) && shares.size() <= kMaxTargets &&
            std::all_of(shares.begin(), shares.end(), track) && state.trail.places_m().size() <= Trail::kPlaces &&
            state.path.position_m.count() > 0 && state.path.rotation.count() > 0 && known(state.shot.asked_viewpoint) &&

@@ -126,7 +126,7 @@ void Aggregation::renew_slices() {
   const uint64_t targets = hash_of(step_.targets, step_.targets.steered);
   if (targets != memory_.ahead_targets) ahead.restart();
   memory_.ahead_targets = targets;
-  ahead.advance(memory_.lattice, step_.move_s);
+  ahead.advance(memory_.lattice, step_.decision_s);
   const size_t cells = memory_.lattice.size();
   const double count = effective_count(step_.targets.sight_weights);
   scratch_.shares.resize(cells), scratch_.outside.assign(cells, 0.0f);
@@ -151,7 +151,7 @@ void Aggregation::renew_slices() {
 // Low-passes the share that moving occluders hide, so that short occlusions count little.
 void Aggregation::smooth_what_passes() {
   const FilterSettings& filter = settings_.filter;
-  memory_.smoother.update(memory_.lattice, step_.move_s,
+  memory_.smoother.update(memory_.lattice, step_.decision_s,
                           filter.mode == FilterMode::kPerTarget ? filter.min_occlusion_s : 0.0,
                           scratch_.hidden_by.by_passing);
 }
@@ -193,7 +193,7 @@ void filter_cells(const StepContext& step, const FilterSettings& filter, Candida
   if (filter.mode == FilterMode::kNone || step.move_s <= 0) return;
   const size_t cells = memory.lattice.size(), others = candidates.size() - cells;
   TemporalVolume& volume = memory.volume;
-  volume.begin_step(memory.lattice, 2, step.targets.ids, filter, step.move_s);
+  volume.begin_step(memory.lattice, 2, step.targets.ids, filter, step.decision_s);
   volume.push(memory.lattice, std::span(candidates.visible_targets).first(cells));
   slots = memory.lattice.addresses();
   for (size_t k = 0; k < others; ++k) {

@@ -24,6 +24,7 @@
 #include "server/paper/pair_history.h"
 #include "server/scene/target.h"
 #include "server/step/suggested_path.h"
+#include "server/step/tracking.h"
 
 namespace sightline {
 
@@ -121,6 +122,7 @@ struct CarriedState {
   bool follows = false;              // it was the desired position
   std::optional<SummedGain> change;  // what a change between following and another course would gain; empty: they were not compared
   BlindState blind;                  // strategy kMinCost
+  DecisionInForce in_force;
   ShareWindow shares;                // recent visible shares of the targets
   // Targets that the camera does not try to show, because they stand too far apart from others (see move/keep_together.h):
   InlineVector<uint64_t, kMaxTargets> given_up;      // from any position that it may take

@@ -58,10 +58,10 @@ void give_up_targets(const StepInput& input, const CarriedState& carried, bool h
 void line_up_shot(const StepContext& step, const ViewpointMap& viewpoints, WantedShot& shot) {
   if (step.move_s <= 0) return;
   const std::optional<glm::dvec3> former_m = std::exchange(shot.in_line_m, std::nullopt);
-  shot.line_closed_s = std::max(0.0, shot.line_closed_s - step.move_s);
+  shot.line_closed_s = std::max(0.0, shot.line_closed_s - step.decision_s);
   const TargetsNow& targets = step.targets;
   const bool several = std::popcount(targets.steered) >= 2 && targets.steered == targets.weighted;
-  shot.all_kept_s = several ? shot.all_kept_s + step.move_s : 0.0;
+  shot.all_kept_s = several ? shot.all_kept_s + step.decision_s : 0.0;
   if (!may_turn(step.input) || !several || shot.line_closed_s > 0) return;
   const Lens lens = widest(step.input.lens, framing_of(step.input));
   const FarShot far{targets.tracked_targets, shot.offset_m, step.camera.pose.position_m, lens, step.input.settings.move,

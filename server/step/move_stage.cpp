@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 
 #include "server/move/keep_together.h"
 #include "server/step/shot_in_force.h"
@@ -36,6 +37,7 @@ Course flight_course(const MoveInput& in, MoveScratch& scratch, Decision& decisi
     decision.goal_m = goal.position_m;
     decision.blind = goal.blind;
     decision.change = goal.change;
+    decision.tracking = goal.tracking;
   }
   decision.horizon_s = next_horizon_s(in, goal.searches);
   decision.follows = goal.follows;
@@ -52,6 +54,20 @@ bool differ(const glm::dvec3& a_mps, const glm::dvec3& b_mps) {
   return glm::distance(a_mps, b_mps) > 1e-6;
 }
 
+// The nearest candidate that sees a target.
+std::optional<glm::dvec3> nearest_view_m(const MoveInput& in, const glm::dvec3& from_m) {
+  const CandidateSet& candidates = in.sights.candidates;
+  const std::span<const uint32_t> seen = candidates.filtered();
+  std::optional<glm::dvec3> nearest_m;
+  double least_m = std::numeric_limits<double>::infinity();
+  for (size_t i = 0; i < seen.size(); ++i) {
+    if ((seen[i] & in.step.targets.steered) == 0) continue;
+    const glm::dvec3 position_m = candidates.position_m[i];
+    if (const double m = glm::distance(from_m, position_m); m < least_m) least_m = m, nearest_m = position_m;
+  }
+  return nearest_m;
+}
+
 // Adds what the velocity lacks to approach the viewer's camera at the speed of the pull. The velocity may hold some of the
 // last step's pull already.
 glm::dvec3 pulled(const MoveInput& in, const glm::dvec3& wanted_mps) {
@@ -62,15 +78,15 @@ glm::dvec3 pulled(const MoveInput& in, const glm::dvec3& wanted_mps) {
   return clamp_velocity(in.step.camera.velocity_mps, wanted_mps + missing_mps * direction, in.step.input.limits, in.step.move_s);
 }
 
-void travel(const MoveInput& in, const glm::dvec3& wanted_mps, Decision& decision) {
+// `sees_nothing`: no target is seen from where the camera is.
+void travel(const MoveInput& in, const glm::dvec3& wanted_mps, bool sees_nothing, Decision& decision) {
   const CameraLimits& limits = in.step.input.limits;
   const Lens& lens = in.step.lens;
   CameraState& camera = decision.camera;
   const glm::dvec3 pulled_mps = pulled(in, wanted_mps);
   in.surroundings.colliders.allow(kMostTests);  // the choice of the goal may have used up its own
   const glm::dvec3 evading_mps = evade(camera, pulled_mps, limits, lens, in.surroundings.movers_ahead, in.surroundings.colliders, in.step.move_s);
-  const bool blind = in.step.target_count() > 0 && in.sights.candidates.visible_targets[in.sights.own_candidate] == 0;
-  const SafeMove safe = make_safe(camera, evading_mps, limits, lens, in.surroundings.colliders, in.step.move_s, blind);
+  const SafeMove safe = make_safe(camera, evading_mps, limits, lens, in.surroundings.colliders, in.step.move_s, sees_nothing);
   decision.wanted_mps = pulled_mps;
   decision.evading = differ(evading_mps, pulled_mps);
   decision.deflected = differ(safe.velocity_mps, evading_mps);
@@ -180,7 +196,7 @@ Decision unmoved(const MoveInput& in) {
 
 double next_horizon_s(const MoveInput& in, bool grows) {
   constexpr double kHorizonDoublingS = 0.25;  // the time in which it doubles or halves
-  const double factor = std::exp2(in.step.move_s / kHorizonDoublingS);
+  const double factor = std::exp2(in.step.decision_s / kHorizonDoublingS);
   return grows ? in.carried.horizon_s * factor : in.carried.horizon_s / factor;
 }
 
@@ -215,7 +231,21 @@ Decision decide(const MoveInput& in, MoveScratch& scratch) {
   decision.status = course.choice.status;
   decision.reason = course.choice.reason;
   decision.chosen_candidate = course.choice.candidate;
-  travel(in, course.wanted_mps, decision);
+  const bool sees_nothing = in.step.target_count() > 0 && in.sights.candidates.visible_targets[in.sights.own_candidate] == 0;
+  travel(in, course.wanted_mps, sees_nothing, decision);
+  turn(in, decision);
+  if (decision.sees_none) decision.nearest_view_m = nearest_view_m(in, decision.camera.pose.position_m);
+  return decision;
+}
+
+Decision go_on(const MoveInput& in, bool sees_nothing) {
+  const DecisionInForce& last = in.carried.in_force;
+  Decision decision = unmoved(in);
+  decision.change = in.carried.change;
+  decision.status = last.status, decision.reason = last.reason;
+  decision.view_way_m = last.view_way_m, decision.sees_none = last.sees_none, decision.nearest_view_m = last.nearest_view_m;
+  decision.tracking = last.tracking;
+  travel(in, velocity_by(in.step, last.tracking, in.desired_m), sees_nothing, decision);
   turn(in, decision);
   return decision;
 }

@@ -394,7 +394,7 @@ void watch_asked_place(const StepContext& step, const TakenMaps& taken, WantedSh
     shot.at_asked.push_back({.target_id = id}), sight = shot.at_asked.end() - 1;
   }
   const double memory_s = step.input.settings.move.viewpoint_search.memory_s;
-  const double newest = -std::expm1(-step.move_s * static_cast<double>(step.target_count()) / memory_s);
+  const double newest = -std::expm1(-step.decision_s * static_cast<double>(step.target_count()) / memory_s);
   const DepthMap& map = taken.maps[look.asked_sight];
   const bool hidden = glm::distance(map.view.eye_m, asked_place_m(step, shot)) > map.distance_at(0, 0) * (1 + taken.settings.relative_bias);
   sight->hidden += newest * ((hidden ? 1.0 : 0.0) - sight->hidden);

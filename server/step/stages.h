@@ -30,6 +30,9 @@ struct StepContext {
   const CameraState& camera;  // before this step moves it
   Lens lens;                  // of the input, with the present zoom
   double move_s = 0.0;        // time that the camera moves for; 0: paused
+  bool decides = true;        // false: the last decision is carried out further (tracking.h)
+  double decision_s = 0.0;    // the time that the camera moves for since the last decision, with this step; 0: paused
+  uint64_t decision = 0;      // number of this decision
 
   size_t target_count() const { return input.targets.size(); }
   double roll_rad() const { return input.shot && input.settings.move.follow == Follow::kOffset ? input.shot->roll_rad : 0.0; }  // as asked for
@@ -90,13 +93,18 @@ struct SampleScratch {
   ClearanceField colliders;  // that stand around a target
 };
 void plan_sample(const SampleInput& input, SampleScratch& scratch, SamplePlan& plan);
+// Between two decisions: only single rays to where the camera is and will be.
+void plan_sights_alone(const SampleInput& input, SampleScratch& scratch, SamplePlan& plan);
 // Its parts. The points of all targets, now and at the longest usable prediction, which is at most `most_ahead_s`. Maps of the present are taken
-// from one in `of_points` of the points. Returns where in their texels the maps' rays go.
+// from one in `of_points` of the points, or from none if that is 0. Returns where in their texels the maps' rays go.
 glm::dvec2 pick_points(const SampleInput& input, double most_ahead_s, size_t of_points, SampleScratch& scratch, SamplePlan& plan);
 // Maps of the whole bound from each of these points.
 void plan_maps(const SampleInput& input, const glm::dvec2& jitter, Sampled& sampled, SamplePlan& plan);
 // Single rays from each point to where the camera will be after this step.
 void plan_sights(const StepContext& step, SamplePlan& plan);
+void plan_sights_ahead(SamplePlan& plan);  // sample_slices.cpp: from the predicted points to where the camera is expected then
+// The longest forecast of what the camera will see. People do something else after that time. The plan looks farther ahead.
+inline constexpr double kForecastS = 0.5;
 void plan_flight_maps(const SampleInput& input, SampleScratch& scratch, SamplePlan& plan);  // sample_slices.cpp
 // False if only the target's aim point is sampled.
 bool samples_surface(const StepContext& step, size_t target);
@@ -218,6 +226,8 @@ double next_horizon_s(const MoveInput& input, bool grows);
 // The velocity of a camera that comes to rest.
 glm::dvec3 stopping_mps(const MoveInput& input);
 Decision decide(const MoveInput& input, MoveScratch& scratch);
+// Carries the last decision out further. `sees_nothing`: no target is seen from where the camera is.
+Decision go_on(const MoveInput& input, bool sees_nothing);
 
 // ---- the strategies of the paper (paper_stages.cpp): each stage has one way for them and one for the flight plan ----
 
@@ -254,12 +264,6 @@ void note_sights(const StepContext& step, const StepResult& result, bool target_
 
 // ---- ways (legs.cpp) ----
 
-// The next position to head for, and the length of the way from the camera over that position to its end.
-struct Leg {
-  glm::dvec3 to_m{0.0};
-  double length_m = 0;
-};
-
 // The length of a way over candidates.
 double way_length_m(const MoveInput& input, const glm::dvec3& from_m, std::span<const uint32_t> way);
 // Roughly the farthest candidate of the way that the body can reach in a straight line. The first one counts as reachable, because
@@ -267,14 +271,13 @@ double way_length_m(const MoveInput& input, const glm::dvec3& from_m, std::span<
 Leg first_leg(const MoveInput& input, std::span<const uint32_t> way, double body_radius_m);
 // The newest reachable position of the targets' trail; empty if none is reachable.
 std::optional<Leg> leg_to_trail(const MoveInput& input, double body_radius_m, ClearanceField& field);
-// How the camera hurries along a leg. By default it is as quick as MoveSettings and the limits allow.
-struct Pace {
-  double response = 1;  // time constant of its velocity, in units of move_response_s
-  double closing = 1;   // time constant in which it closes the last of its distance, in the same units
-  double braking = 1;   // what it brakes with before the end, as a share of the greatest acceleration
-};
 // `with_mps` and a velocity towards the end of the leg that is no faster than allows the camera to stop at the end of the way.
 glm::dvec3 velocity_along(const StepContext& step, const Leg& leg, const glm::dvec3& with_mps, const Pace& pace = {});
+
+// The velocity by which a decision is carried out in a later step.
+glm::dvec3 velocity_by(const StepContext& step, const Tracking& tracking, const glm::dvec3& desired_m);
+// The tracking of a leg that begins where the camera is.
+Tracking along(const StepContext& step, const Leg& leg, const Pace& pace = {});
 
 // ---- the goal of strategy kMinCost (goal_search.cpp) ----
 
@@ -285,6 +288,7 @@ struct Goal {
   Choice choice;
   glm::dvec3 position_m{0.0};   // where the camera heads for
   glm::dvec3 velocity_mps{0.0};  // that leads there
+  Tracking tracking = {};        // the same for later steps
   bool follows = false;          // it heads for the desired position
   InlineVector<PlanPoint, kSlices + 2> plan_m = {};  // as Decision::plan_m
   bool searches = false;  // no place on its plan sees any target: it goes to the nearest that does

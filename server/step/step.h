@@ -149,6 +149,8 @@ struct MapOrder {
 };
 
 // Steps one camera. Not thread-safe. Once its memory has grown to what the steps need, a step allocates nothing.
+struct StepContext;
+
 class Stepper {
  public:
   Stepper();
@@ -179,6 +181,7 @@ class Stepper {
  private:
   struct Work;
   void begin_at_cut(const CutPlace& place);
+  void keep_decision(const StepContext& step);
 
   CarriedState carried_;
   StepDump dump_;
