@@ -332,7 +332,7 @@ void Session::remember_motion(const TickInput& tick, double dt_s) {
   for (size_t i = 0; i < update_.ids.size(); ++i)
     if ((derives && update_.velocities_mps[i] != none) || (derives_turns && update_.angular_velocities_radps[i] != none) || update_.corrections_m[i] != none)
       derived_moving_.push_back(update_.ids[i]);
-  former_ids_ = tick.transforms.ids;
+  former_ids_ = update_.ids;
 }
 
 void Session::observe(const ObservedCamera& observed, double dt_s) {

@@ -237,7 +237,7 @@ class Session {
   std::unordered_map<uint64_t, Track> tracks_;  // of instances that ticks have named
   std::vector<std::pair<uint64_t, Track>> new_tracks_;  // of the tick that is being applied
   std::vector<uint64_t> derived_moving_;  // instances with a derived velocity, angular velocity or correction that is not 0
-  std::vector<uint64_t> former_ids_;      // named by the tick that derived them
+  std::vector<uint64_t> former_ids_;      // named by the tick that derived them, or added to it because they still moved
   TransformUpdate update_;                // scratch memory, reused
 };
 

@@ -283,9 +283,11 @@ class GoalSearch {
       if (const auto candidate = planner_.candidate_at(eye_m() + behind_m() * (static_cast<double>(k) / kSlices)))
         scratch_.way.push_back(*candidate);
     scratch_.way.push_back(static_cast<uint32_t>(desired_candidate()));
-    const Leg leg{in_.sights.position_m[desired_candidate()], glm::length(behind_m())};
+    // A place outside the bound is farther away than its candidate, which is at the edge.
+    const double beyond_m = glm::distance(in_.desired_m, nearest_in_bound_m(in_.bound, in_.desired_m));
+    const Leg leg{in_.sights.position_m[desired_candidate()], glm::length(behind_m()) + beyond_m};
     goal.velocity_mps = velocity_along(in_.step, leg, group_velocity_mps(in_.step), pace);
-    goal.tracking = {.by = TrackBy::kFollow, .pace = pace, .vector = leg.to_m - in_.desired_m};
+    goal.tracking = {.by = TrackBy::kFollow, .pace = pace, .vector = leg.to_m - in_.desired_m, .beyond_m = beyond_m};
     return goal;
   }
 

@@ -71,7 +71,7 @@ glm::dvec3 velocity_by(const StepContext& step, const Tracking& tracking, const 
     case TrackBy::kStay:
       return velocity_along(step, {eye_m, 0}, still, tracking.pace);
     case TrackBy::kFollow:
-      return velocity_along(step, leg_to(desired_m + tracking.vector, 0.0), group_velocity_mps(step), tracking.pace);
+      return velocity_along(step, leg_to(desired_m + tracking.vector, tracking.beyond_m), group_velocity_mps(step), tracking.pace);
     case TrackBy::kLeg:
       return velocity_along(step, leg_to(tracking.vector, tracking.beyond_m), still, tracking.pace);
     case TrackBy::kVelocity:

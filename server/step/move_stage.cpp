@@ -78,15 +78,15 @@ glm::dvec3 pulled(const MoveInput& in, const glm::dvec3& wanted_mps) {
   return clamp_velocity(in.step.camera.velocity_mps, wanted_mps + missing_mps * direction, in.step.input.limits, in.step.move_s);
 }
 
-// `sees_nothing`: no target is seen from where the camera is.
-void travel(const MoveInput& in, const glm::dvec3& wanted_mps, bool sees_nothing, Decision& decision) {
+void travel(const MoveInput& in, const glm::dvec3& wanted_mps, Decision& decision) {
   const CameraLimits& limits = in.step.input.limits;
   const Lens& lens = in.step.lens;
   CameraState& camera = decision.camera;
   const glm::dvec3 pulled_mps = pulled(in, wanted_mps);
   in.surroundings.colliders.allow(kMostTests);  // the choice of the goal may have used up its own
   const glm::dvec3 evading_mps = evade(camera, pulled_mps, limits, lens, in.surroundings.movers_ahead, in.surroundings.colliders, in.step.move_s);
-  const SafeMove safe = make_safe(camera, evading_mps, limits, lens, in.surroundings.colliders, in.step.move_s, sees_nothing);
+  const bool blind = in.step.target_count() > 0 && in.seen_here == 0;
+  const SafeMove safe = make_safe(camera, evading_mps, limits, lens, in.surroundings.colliders, in.step.move_s, blind);
   decision.wanted_mps = pulled_mps;
   decision.evading = differ(evading_mps, pulled_mps);
   decision.deflected = differ(safe.velocity_mps, evading_mps);
@@ -137,7 +137,9 @@ Aim choose_aim(const MoveInput& in, Decision& decision) {
   const Aim all = aim_with_shot(step, in.carried.shot, eye_m, present);
   const uint32_t former = kept_before(step.targets, in.carried.not_aimed_at);
   const bool stays = step.input.settings.move.follow == Follow::kStay, had_all = former == step.targets.steered;
-  const uint32_t seen = stays ? step.targets.steered : seen_of_late(step, in.carried);
+  const uint32_t of_late = seen_of_late(step, in.carried);
+  // Those that are only beside the picture can be shown by turning.
+  const uint32_t seen = stays ? step.targets.steered : of_late != 0 ? of_late : in.seen_here & step.targets.steered;
   if (stays ? all.fits && had_all : aims_at_all(in, decision, all, seen, had_all)) return all;
   const auto fit = [&, lens = widest(step.lens, rules.framing)](std::span<const TrackedTarget> kept, double room) {
     return fits_picture(eye_m, kept, present, lens, room, true);
@@ -231,21 +233,20 @@ Decision decide(const MoveInput& in, MoveScratch& scratch) {
   decision.status = course.choice.status;
   decision.reason = course.choice.reason;
   decision.chosen_candidate = course.choice.candidate;
-  const bool sees_nothing = in.step.target_count() > 0 && in.sights.candidates.visible_targets[in.sights.own_candidate] == 0;
-  travel(in, course.wanted_mps, sees_nothing, decision);
+  travel(in, course.wanted_mps, decision);
   turn(in, decision);
   if (decision.sees_none) decision.nearest_view_m = nearest_view_m(in, decision.camera.pose.position_m);
   return decision;
 }
 
-Decision go_on(const MoveInput& in, bool sees_nothing) {
+Decision go_on(const MoveInput& in) {
   const DecisionInForce& last = in.carried.in_force;
   Decision decision = unmoved(in);
   decision.change = in.carried.change;
   decision.status = last.status, decision.reason = last.reason;
   decision.view_way_m = last.view_way_m, decision.sees_none = last.sees_none, decision.nearest_view_m = last.nearest_view_m;
   decision.tracking = last.tracking;
-  travel(in, velocity_by(in.step, last.tracking, in.desired_m), sees_nothing, decision);
+  travel(in, velocity_by(in.step, last.tracking, in.desired_m), decision);
   turn(in, decision);
   return decision;
 }

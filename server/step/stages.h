@@ -192,6 +192,7 @@ struct MoveInput {
   const CandidateSights& sights;
   const Surroundings& surroundings;
   glm::dvec3 desired_m{0.0};  // as for aggregate
+  uint32_t seen_here = 0;     // the targets that are seen from where the camera is, wherever they are to the picture; bit i is target i
 };
 struct MoveScratch {
   std::vector<glm::ivec3> cells;  // of the candidates
@@ -226,8 +227,8 @@ double next_horizon_s(const MoveInput& input, bool grows);
 // The velocity of a camera that comes to rest.
 glm::dvec3 stopping_mps(const MoveInput& input);
 Decision decide(const MoveInput& input, MoveScratch& scratch);
-// Carries the last decision out further. `sees_nothing`: no target is seen from where the camera is.
-Decision go_on(const MoveInput& input, bool sees_nothing);
+// Carries the last decision out further.
+Decision go_on(const MoveInput& input);
 
 // ---- the strategies of the paper (paper_stages.cpp): each stage has one way for them and one for the flight plan ----
 

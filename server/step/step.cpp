@@ -159,9 +159,9 @@ StepResult Stepper::finish(const StageClock& clock) {
   {  // 4. Where to go, how fast, and which way to look? `choose_goal` (goal_search.cpp) chooses the candidate.
     const StageTimer timer = work.time(clock, Stage::kMove);
     if (step.move_s > 0) gather_colliders(step, dump_.bound, dump_.surroundings);
-    const MoveInput in{step, carried_, dump_.bound, dump_.plan, dump_.sights, dump_.surroundings, desired_m};
-    const bool sees_nothing = step.target_count() > 0 && seen_from_own_position(step, taken) == 0;
-    dump_.decision = step.decides ? decide(in, work.move) : go_on(in, sees_nothing);
+    const uint32_t seen_here = seen_from_own_position(step, taken);
+    const MoveInput in{step, carried_, dump_.bound, dump_.plan, dump_.sights, dump_.surroundings, desired_m, seen_here};
+    dump_.decision = step.decides ? decide(in, work.move) : go_on(in);
     const CutPlace* place = choose_cut(in, taken, work.opening.target_jumped, dump_.decision, work.move, carried_.cut);
     carried_.cut.target_jumped = jump_waits(in, work.opening.target_jumped);
     if (place) cut_to(in, taken, *place, work.move, carried_.shot, dump_.decision), begin_at_cut(*place);

@@ -8,7 +8,7 @@
 #include <glm/glm.hpp>
 #include <optional>
 
-#include "server/aggregate/candidates.h"
+#include "server/aggregate/compose.h"
 #include "server/base/inline_vector.h"
 #include "server/move/decision.h"
 #include "server/scene/target.h"
@@ -38,10 +38,10 @@ enum class TrackBy {
 };
 struct Tracking {
   TrackBy by = TrackBy::kStop;
-  Pace pace;
+  Pace pace = {};
   // kFollow: from the desired position to the place. kLeg: the end of the leg, world. kVelocity: m/s. kAcceleration: m/s².
   glm::dvec3 vector{0.0};
-  double beyond_m = 0.0;  // kLeg: length of the way after the leg
+  double beyond_m = 0.0;  // kFollow, kLeg: length of the way after the place or the leg
 };
 
 // The last decision, as far as later steps need it.

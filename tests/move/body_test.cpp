@@ -147,7 +147,7 @@ TEST_F(Body, ABodyThatIsCloserThanItsSkinMovesAwayFirst) {
 TEST_F(Body, EvadesWhatComesTowardsIt) {
   const glm::dvec3 half(0.2), start(0.3, 0, -2.4), speed(0, 0, 10);
   add_box(start, half);
-  ASSERT_TRUE(mirror_.apply({}, {{1}, {Pose{start, {1, 0, 0, 0}}}, {speed}, {}}));
+  ASSERT_TRUE(mirror_.apply({}, {{1}, {Pose{start, {1, 0, 0, 0}}}, {speed}, {}, {}}));
   limits_.max_acceleration_mps2 = limits_.max_speed_mps = 1000;
   MoversAhead movers;
   for (size_t look = 0; look < movers.size(); ++look) movers[look].gather_movers(mirror_, {0, 0, 0}, 5, {}, kEvadeS[look]);
@@ -180,7 +180,7 @@ TEST_P(Doorway, IsLeftWhenItsDoorShuts) {
     const bool moves = edge_m > -half_m;
     if (moves) edge_m -= leaf_mps * dt;
     const glm::dvec3 velocity_mps(moves ? -leaf_mps : 0.0, 0, 0);
-    ASSERT_TRUE(mirror_.apply({}, {{leaf}, {Pose{{edge_m + half_m, 0, 0}, {1, 0, 0, 0}}}, {velocity_mps}, {}}));
+    ASSERT_TRUE(mirror_.apply({}, {{leaf}, {Pose{{edge_m + half_m, 0, 0}, {1, 0, 0, 0}}}, {velocity_mps}, {}, {}}));
     gather();
     MoversAhead movers;
     for (size_t look = 0; look < movers.size(); ++look) movers[look].gather_movers(mirror_, camera_.pose.position_m, 8, {}, kEvadeS[look]);

@@ -39,7 +39,7 @@ SceneDelta adding(std::vector<NewInstance> instances) {
 }
 
 TransformUpdate moving(std::vector<uint64_t> ids, std::vector<Pose> poses) {
-  return {std::move(ids), std::move(poses), {}, {}};
+  return {std::move(ids), std::move(poses), {}, {}, {}};
 }
 
 SceneDelta changing(uint64_t id, const InstanceAttributes& attributes) {

@@ -125,6 +125,20 @@ TEST_P(IrregularMotion, HeldAndNoisyPositionsOfWhichSomeComeLateAreFilmedLikeCle
   EXPECT_LT(difference(clean_, other).mean_m, tolerated_m_);
 }
 
+// A client that names only what has changed: a runner whose positions are held for two ticks is named in every second one, until it stands.
+TEST(IrregularMotionOfOne, WhoIsNoLongerNamedHasStopped) {
+  Game game;
+  for (int k = 1; k <= 60; ++k) {
+    test::TickMaker tick = game.tick(kTick);
+    if (k % 2 == 0) tick.move(kAnn, {-1 + 0.05 * k, 1, 0});
+    game.play(tick);
+  }
+  EXPECT_GT(glm::length(game.instance(kAnn).velocity_mps), 1.0);
+  for (int k = 0; k < 30; ++k) game.play(game.tick(kTick));
+  EXPECT_EQ(game.instance(kAnn).velocity_mps, glm::dvec3(0.0));
+  EXPECT_EQ(game.instance(kAnn).correction_m, glm::dvec3(0.0));
+}
+
 // The camera does not follow the noise of a standing target: it moves gently, and the picture is calm.
 TEST(IrregularMotionOfOne, WhoStandsIsFilmedCalmlyInSpiteOfNoise) {
   const Filmed clean = filmed(0.0, {}, 1);

@@ -84,7 +84,11 @@ TEST(SessionMemory, KeepsThePairVolumesOfTheLastSteps) {
 }
 
 TEST(SessionMemory, KeepsAllThatTheDefaultRemembers) {
-  expect_same_after_resume([](StepSettings& settings) { settings = preset_settings(Preset::kSightline); });
+  for (const double decide_every_s : {0.0, 0.033, 0.1})  // the memory is written at a step that decides, or between two
+    expect_same_after_resume([&](StepSettings& settings) {
+      settings = preset_settings(Preset::kSightline);
+      settings.move.decide_every_s = decide_every_s;
+    });
 }
 
 // The second session gets what came and went in one tick, as a recording's snapshot tells it. The places of the instances, free ones

@@ -88,6 +88,18 @@ int jumps_behind_car(OneFilmed& world, int steps, Drive drive) {
   return jumps;
 }
 
+// The limits allow 10 m/s, reached within 10 m and lost within 10 m.
+TEST(Chase, AFarTargetIsReachedNearlyAsSoonAsTheLimitsAllow) {
+  OneFilmed world({0, 1.8, 6});
+  world.settings.move.max_distance_m = 1000;
+  Watch watch(world);
+  for (int i = 0; i < 60; ++i) watch.step();
+  world.move(1, {0, 1, -100});
+  int ticks = 0;
+  while (glm::distance(world.camera().pose.position_m, glm::dvec3(0, 1.8, -94)) > 0.5 && ticks < 3000) watch.step(), ++ticks;
+  EXPECT_LT(ticks / 60.0, 1.2 * (80.0 / 10 + 2 * 20.0 / 10));
+}
+
 // Where the camera will be in a second, behind the car, is too near to where the car is now.
 TEST(Chase, TheGoalBehindACarThatSpeedsUpDoesNotJump) {
   OneFilmed world({-6, 3, 0});

@@ -266,5 +266,22 @@ TEST(Parted, ThoseThatStayTogetherAreKept) {
   EXPECT_EQ(r.status, TrackingStatus::kPartialView);
 }
 
+// They stand beside the picture from the start, and a part of somebody could be shown by turning. The limits allow the turn within a third of a second.
+TEST(Parted, SomebodyBesideThePictureIsShownByTurning) {
+  for (const double apart_m : {10.0, 20.0, 30.0})
+    for (const double away_m : {4.0, 6.0, 8.0}) {
+      Filming world;
+      world.add_target(1, {-apart_m / 2, 1, 0});
+      world.add_target(2, {apart_m / 2, 1, 0});
+      world.place({0, 1.8, away_m}, {0, 1, 0});
+      int nobody = 0;
+      for (int i = 0; i < 300; ++i) {
+        const StepResult r = world.step(kTick);
+        nobody += std::max(r.targets[0].picture_share, r.targets[1].picture_share) < 0.3;
+      }
+      EXPECT_LE(nobody * kTick, 0.4) << apart_m << " m apart, " << away_m << " m away";
+    }
+}
+
 }  // namespace
 }  // namespace sightline::test
