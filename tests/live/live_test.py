@@ -1,0 +1,204 @@
+#!/usr/bin/env python3
+"""Plays a game at 60 Hz with each client's LiveCamera while its daemon is away, stopped, killed, and far: live_test.py SIGHTLINED STUBS NAME=COMMAND...
+
+Prints the figures by client. The limits of time leave room for a busy machine of two cores; a call that blocks for a second fails.
+"""
+import pathlib
+import socket
+import sys
+import unittest
+
+HERE = pathlib.Path(__file__).parent
+SIGHTLINED, STUBS = sys.argv[1:3]
+sys.path[:0] = [STUBS, str(HERE.parent / "conformance")]
+
+from daemon import Daemon  # noqa: E402
+from delay import DelayingRelay  # noqa: E402
+from game import ANNA, BEN, CRATE, Game, Starting, Stopped, fastest, fastest_turn, opening, places, transforms  # noqa: E402
+from google.protobuf import json_format  # noqa: E402
+from players import Player, commands_of  # noqa: E402
+from sightline.v1.session_pb2 import OpenSession, Tick  # noqa: E402
+from sightline_client import Camera  # noqa: E402
+
+PLAYERS = commands_of(sys.argv[3:])
+WAIT_S = 0.1
+SPARE_S = 0.1  # a call may take so much longer than the wait
+FASTEST_MPS, FASTEST_RADPS = 12.0, 3.0  # the seen camera; the targets run at 5 m/s
+DAEMONS = ("reply", "predicted")  # the sources of a daemon's camera
+
+
+def free_address():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return "127.0.0.1:%d" % probe.getsockname()[1]
+
+
+def sources(frames):
+    return [frame.view["source"] for frame in frames]
+
+
+def refusals(frames):
+    return [int(number) for frame in frames for number in frame.view["refusals"]]
+
+
+class LiveTest(unittest.TestCase):
+    def setUp(self):
+        self.daemon = Daemon(SIGHTLINED)
+        self.daemon.address = free_address()
+        self.addCleanup(lambda: self.daemon.process and self.daemon.__exit__())
+        self.player = None
+        self.addCleanup(lambda: self.player and self.player.kill())
+
+    def each(self):
+        for name, command in PLAYERS.items():
+            with self.subTest(client=name):
+                self.player = Player(name, command)
+                yield name
+            self.player.kill()
+            self.player = None
+
+    def game(self, wait_s=WAIT_S, address=None):
+        return Game(self.player, address or self.daemon.address, wait_s)
+
+    def check_calls(self, frames, wait_s=WAIT_S):
+        slowest = max(frames, key=lambda frame: frame.view["took_s"])
+        self.assertLess(slowest.view["took_s"], wait_s + SPARE_S, f"a call at {slowest.time_s:.2f} s")
+
+    def check_calm(self, frames):
+        self.assertLess(fastest(frames)[0], FASTEST_MPS, f"the camera jumps at {fastest(frames)[1]:.2f} s")
+        self.assertLess(fastest_turn(frames)[0], FASTEST_RADPS, f"the camera turns at {fastest_turn(frames)[1]:.2f} s")
+
+    def check_shot(self, frames, edge=1.0):
+        worst = max(frames, key=lambda frame: frame.farthest)
+        self.assertLess(worst.farthest, edge, f"a target leaves the picture at {worst.time_s:.2f} s ({worst.view['source']})")
+
+    def back_after(self, frames, since_s):
+        """How long after the daemon was there the camera is its own again."""
+        away = [frame for frame in frames if frame.view["source"] not in DAEMONS]
+        self.assertIn(frames[-1].view["source"], DAEMONS)
+        return max(away[-1].wall_s - since_s, 0.0) if away else 0.0
+
+    def report(self, name, what, frames, back_s):
+        print(f"{name:16} {what:9} longest call {max(f.view['took_s'] for f in frames) * 1e3:5.0f} ms, back after {back_s:4.2f} s, "
+              f"farthest target {max(f.farthest for f in frames):4.2f} of the way to the edge, fastest camera {fastest(frames)[0]:4.1f} m/s, "
+              f"{fastest_turn(frames)[0]:3.1f} rad/s", flush=True)
+
+    def test_a_daemon_that_is_stopped_killed_and_started_again(self):
+        for name in self.each():
+            game = self.game()
+            absent = game.play(1.0)  # there is none so far
+            self.assertEqual("fallback", absent[-1].view["source"])
+            self.assertTrue(absent[-1].view["trouble"])
+            self.assertGreater(absent[-1].view["age_s"], 0.8)
+            self.await_daemon(name, "absent", game, 0)
+
+            first = len(game.frames)
+            with Stopped(self.daemon):
+                stopped = game.play(3.0)
+            self.assertEqual("fallback", stopped[-1].view["source"])
+            self.assertGreater(sources(stopped).count("fallback"), 2.3 * 60)
+            self.assertLess(sum(frame.view["took_s"] > 0.05 for frame in stopped), 5, "only a few calls wait")
+            self.finish(name, "stopped", game, game.frames[-1].wall_s, first)
+
+            first = len(game.frames)
+            self.daemon.stop("kill")
+            game.play(2.0)
+            self.assertEqual("fallback", game.frames[-1].view["source"])
+            self.await_daemon(name, "killed", game, first)
+
+            self.check_calls(game.frames)
+            self.check_calm(game.frames)
+            self.check_shot(game.frames)
+            closed = game.close()
+            self.assertLess(closed["took_s"], 2.0)
+            self.assertGreaterEqual(closed["resyncs"], 1)
+            self.daemon.stop("kill")
+
+    def await_daemon(self, name, what, game, first):
+        starting = Starting(self.daemon)
+        while starting.ready_s is None:
+            game.play(0.1)
+        self.finish(name, what, game, starting.ready_s, first)
+
+    def finish(self, name, what, game, since_s, first):
+        """The daemon is there: the camera blends back, and keeps the shot. first: of the frames that count."""
+        game.play(2.5)
+        frames = game.frames[first:]
+        back_s = self.back_after(frames, since_s)
+        self.report(name, what, frames, back_s)
+        self.assertLess(back_s, 1.5)
+        self.assertIn("blend", sources(frames))
+        self.assertEqual(0, game.frames[-1].view["age_s"])
+        self.assertLess(abs(game.frames[-1].distance - 9), 3.5)
+
+    def test_a_daemon_that_is_far(self):
+        self.daemon.start()
+        for name in self.each():
+            with DelayingRelay(self.daemon.address, 0.025) as relay:
+                game = self.game(0.0, relay.address)
+                game.play(4.0)
+                frames = game.frames[60:]
+                self.report(name, "far", frames, 0.0)
+                self.check_calls(frames, 0.0)
+                self.check_calm(frames)
+                self.check_shot(frames)
+                self.assertLess(max(frame.view["age_s"] for frame in frames), 0.3)
+                self.assertEqual({"predicted"}, set(sources(frames)))
+                game.close()
+
+    def test_what_waits_is_not_lost(self):
+        self.daemon.start()
+        for name in self.each():
+            game = self.game()
+            game.play(0.5)
+            first = game.sent
+            with Stopped(self.daemon):
+                game.play(0.5, self.changes)
+            game.play(1.5)
+            late = game.frames[first:]
+            self.assertEqual([first + 1 + 12, first + 1 + 20], refusals(late))
+            self.assertGreater(int(late[-1].view["reply"]), first + 30)
+            self.assertEqual(self.expected_hash(game, first), late[-1].view["hash"])
+            game.close()
+
+    @staticmethod
+    def changes(frame):
+        """By the number of the frame after the daemon was stopped."""
+        crate = {"id": str(CRATE), "shape": {"box": {"halfExtent": {"x": 0.5, "y": 0.5, "z": 0.5}}}, "pose": {"position": {"x": 9.0, "y": 0.5, "z": 9.0}}}
+        turned = {**transforms({ANNA: (1.0, 0.9, 1.0)}), "rotations": [0.0, 0.6, 0.0, 0.8]}
+        return {10: {"delta": {"addedInstances": [crate]}}, 12: {"delta": {"removedIds": ["99"]}},
+                14: {"transforms": turned}, 16: {"transforms": transforms({BEN: (2.0, 0.9, 2.0), CRATE: (8.0, 0.5, 9.0)})},
+                18: {"settings": {"minDistanceM": 3.0}}, 20: {"limits": {"maxSpeedMps": -1.0}}, 22: {"targets": {"targets": [{"id": str(ANNA)}]}}}.get(frame, {})
+
+    def expected_hash(self, game, first):
+        """Of a session that got every tick by itself."""
+        with Camera.open(self.daemon.address, json_format.ParseDict(opening(), OpenSession())) as camera:
+            for number, frame in enumerate(game.frames):
+                extra = self.changes(number - first) if number - first < 30 else {}
+                if number - first in (12, 20):
+                    continue  # refused
+                tick = {"timeS": frame.time_s, "transforms": transforms(places(frame.time_s)), **extra}
+                reply = camera.step(json_format.ParseDict(tick, Tick()))
+            return str(reply.mirror_hash)
+
+    def test_a_close_while_the_daemon_is_stopped_ends_in_time(self):
+        self.daemon.start()
+        for _ in self.each():
+            game = self.game()
+            game.play(0.5)
+            with Stopped(self.daemon):
+                game.play(0.3)
+                self.assertLess(game.close()["took_s"], 2.0)
+
+    def test_an_opening_that_no_daemon_accepts_is_an_error(self):
+        self.daemon.start()
+        for _ in self.each():
+            wrong = {**opening(), "targets": [{"id": "77"}]}
+            self.player.run({"live_open": wrong, "address": self.daemon.address, "wait_s": 5.0})
+            self.assertEqual({"error": "NOT_FOUND"}, self.player.run({"live_tick": {"timeS": 0.0}}))
+            self.assertEqual({"error": "NOT_FOUND"}, self.player.run({"live_tick": {"timeS": 0.1}}))
+            self.player.run({"live_close": {}})
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])
