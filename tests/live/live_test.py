@@ -1,8 +1,11 @@
 #!/usr/bin/env python3
-"""Plays a game at 60 Hz with each client's LiveCamera while its daemon is away, stopped, killed, and far: live_test.py SIGHTLINED STUBS NAME=COMMAND...
+"""Plays a game at 60 Hz with each client's LiveCamera while its daemon is away, stopped, killed, and far.
+
+    live_test.py SIGHTLINED STUBS NAME=COMMAND...
 
 Prints the figures by client. The limits of time leave room for a busy machine of two cores; a call that blocks for a second fails.
 """
+import contextlib
 import pathlib
 import socket
 import sys
@@ -14,7 +17,7 @@ sys.path[:0] = [STUBS, str(HERE.parent / "conformance")]
 
 from daemon import Daemon  # noqa: E402
 from delay import DelayingRelay  # noqa: E402
-from game import ANNA, BEN, CRATE, Game, Starting, Stopped, fastest, fastest_turn, opening, places, transforms  # noqa: E402
+from game import ANNA, BEN, CRATE, Game, Starting, Stopped, fastest, fastest_turn, opening, places, transforms, xyz  # noqa: E402
 from google.protobuf import json_format  # noqa: E402
 from players import Player, commands_of  # noqa: E402
 from sightline.v1.session_pb2 import OpenSession, Tick  # noqa: E402
@@ -45,17 +48,22 @@ class LiveTest(unittest.TestCase):
     def setUp(self):
         self.daemon = Daemon(SIGHTLINED)
         self.daemon.address = free_address()
-        self.addCleanup(lambda: self.daemon.process and self.daemon.__exit__())
-        self.player = None
-        self.addCleanup(lambda: self.player and self.player.kill())
+        self.addCleanup(self.daemon.folder.cleanup)
+        self.addCleanup(self.stop_daemon)
 
-    def each(self):
-        for name, command in PLAYERS.items():
-            with self.subTest(client=name):
-                self.player = Player(name, command)
-                yield name
-            self.player.kill()
-            self.player = None
+    @contextlib.contextmanager
+    def playing(self, name):
+        """A failure of one client does not keep the others from playing."""
+        with self.subTest(client=name):
+            self.player = Player(name, PLAYERS[name])
+            try:
+                yield
+            finally:
+                self.player.kill()
+
+    def stop_daemon(self):
+        if self.daemon.process and self.daemon.process.poll() is None:
+            self.daemon.stop("kill")
 
     def game(self, wait_s=WAIT_S, address=None):
         return Game(self.player, address or self.daemon.address, wait_s)
@@ -84,35 +92,36 @@ class LiveTest(unittest.TestCase):
               f"{fastest_turn(frames)[0]:3.1f} rad/s", flush=True)
 
     def test_a_daemon_that_is_stopped_killed_and_started_again(self):
-        for name in self.each():
-            game = self.game()
-            absent = game.play(1.0)  # there is none so far
-            self.assertEqual("fallback", absent[-1].view["source"])
-            self.assertTrue(absent[-1].view["trouble"])
-            self.assertGreater(absent[-1].view["age_s"], 0.8)
-            self.await_daemon(name, "absent", game, 0)
+        for name in PLAYERS:
+            with self.playing(name):
+                self.stop_daemon()
+                game = self.game()
+                absent = game.play(1.0)  # there is none so far
+                self.assertEqual("fallback", absent[-1].view["source"])
+                self.assertTrue(absent[-1].view["trouble"])
+                self.assertGreater(absent[-1].view["age_s"], 0.8)
+                self.await_daemon(name, "absent", game, 0)
 
-            first = len(game.frames)
-            with Stopped(self.daemon):
-                stopped = game.play(3.0)
-            self.assertEqual("fallback", stopped[-1].view["source"])
-            self.assertGreater(sources(stopped).count("fallback"), 2.3 * 60)
-            self.assertLess(sum(frame.view["took_s"] > 0.05 for frame in stopped), 5, "only a few calls wait")
-            self.finish(name, "stopped", game, game.frames[-1].wall_s, first)
+                first = len(game.frames)
+                with Stopped(self.daemon):
+                    stopped = game.play(3.0)
+                self.assertEqual("fallback", stopped[-1].view["source"])
+                self.assertGreater(sources(stopped).count("fallback"), 2.3 * 60)
+                self.assertLess(sum(frame.view["took_s"] > 0.05 for frame in stopped), 5, "only a few calls wait")
+                self.finish(name, "stopped", game, game.frames[-1].wall_s, first)
 
-            first = len(game.frames)
-            self.daemon.stop("kill")
-            game.play(2.0)
-            self.assertEqual("fallback", game.frames[-1].view["source"])
-            self.await_daemon(name, "killed", game, first)
+                first = len(game.frames)
+                self.daemon.stop("kill")
+                game.play(2.0)
+                self.assertEqual("fallback", game.frames[-1].view["source"])
+                self.await_daemon(name, "killed", game, first)
 
-            self.check_calls(game.frames)
-            self.check_calm(game.frames)
-            self.check_shot(game.frames)
-            closed = game.close()
-            self.assertLess(closed["took_s"], 2.0)
-            self.assertGreaterEqual(closed["resyncs"], 1)
-            self.daemon.stop("kill")
+                self.check_calls(game.frames)
+                self.check_calm(game.frames)
+                self.check_shot(game.frames)
+                closed = game.close()
+                self.assertLess(closed["took_s"], 2.0)
+                self.assertGreaterEqual(closed["resyncs"], 1)
 
     def await_daemon(self, name, what, game, first):
         starting = Starting(self.daemon)
@@ -133,42 +142,45 @@ class LiveTest(unittest.TestCase):
 
     def test_a_daemon_that_is_far(self):
         self.daemon.start()
-        for name in self.each():
-            with DelayingRelay(self.daemon.address, 0.025) as relay:
-                game = self.game(0.0, relay.address)
-                game.play(4.0)
-                frames = game.frames[60:]
-                self.report(name, "far", frames, 0.0)
-                self.check_calls(frames, 0.0)
-                self.check_calm(frames)
-                self.check_shot(frames)
-                self.assertLess(max(frame.view["age_s"] for frame in frames), 0.3)
-                self.assertEqual({"predicted"}, set(sources(frames)))
-                game.close()
+        for name in PLAYERS:
+            with self.playing(name):
+                with DelayingRelay(self.daemon.address, 0.025) as relay:
+                    game = self.game(0.0, relay.address)
+                    game.play(4.0)
+                    frames = game.frames[60:]
+                    self.report(name, "far", frames, 0.0)
+                    self.check_calls(frames, 0.0)
+                    self.check_calm(frames)
+                    self.check_shot(frames)
+                    self.assertLess(max(frame.view["age_s"] for frame in frames), 0.3)
+                    self.assertEqual({"predicted"}, set(sources(frames)))
+                    game.close()
 
     def test_what_waits_is_not_lost(self):
         self.daemon.start()
-        for name in self.each():
-            game = self.game()
-            game.play(0.5)
-            first = game.sent
-            with Stopped(self.daemon):
-                game.play(0.5, self.changes)
-            game.play(1.5)
-            late = game.frames[first:]
-            self.assertEqual([first + 1 + 12, first + 1 + 20], refusals(late))
-            self.assertGreater(int(late[-1].view["reply"]), first + 30)
-            self.assertEqual(self.expected_hash(game, first), late[-1].view["hash"])
-            game.close()
+        for name in PLAYERS:
+            with self.playing(name):
+                game = self.game()
+                game.play(0.5)
+                first = game.sent
+                with Stopped(self.daemon):
+                    game.play(0.5, self.changes)
+                game.play(1.5)
+                late = game.frames[first:]
+                self.assertEqual([first + 1 + 12, first + 1 + 20], refusals(late))
+                self.assertGreater(int(late[-1].view["reply"]), first + 30)
+                self.assertEqual(self.expected_hash(game, first), late[-1].view["hash"])
+                game.close()
 
     @staticmethod
     def changes(frame):
         """By the number of the frame after the daemon was stopped."""
-        crate = {"id": str(CRATE), "shape": {"box": {"halfExtent": {"x": 0.5, "y": 0.5, "z": 0.5}}}, "pose": {"position": {"x": 9.0, "y": 0.5, "z": 9.0}}}
+        crate = {"id": str(CRATE), "shape": {"box": {"halfExtent": xyz((0.5, 0.5, 0.5))}}, "pose": {"position": xyz((9.0, 0.5, 9.0))}}
         turned = {**transforms({ANNA: (1.0, 0.9, 1.0)}), "rotations": [0.0, 0.6, 0.0, 0.8]}
         return {10: {"delta": {"addedInstances": [crate]}}, 12: {"delta": {"removedIds": ["99"]}},
                 14: {"transforms": turned}, 16: {"transforms": transforms({BEN: (2.0, 0.9, 2.0), CRATE: (8.0, 0.5, 9.0)})},
-                18: {"settings": {"minDistanceM": 3.0}}, 20: {"limits": {"maxSpeedMps": -1.0}}, 22: {"targets": {"targets": [{"id": str(ANNA)}]}}}.get(frame, {})
+                18: {"settings": {"minDistanceM": 3.0}}, 20: {"limits": {"maxSpeedMps": -1.0}}, 22: {"targets": {"targets": [{"id": str(ANNA)}]}},
+                24: {"dtS": 0.01}}.get(frame, {})
 
     def expected_hash(self, game, first):
         """Of a session that got every tick by itself."""
@@ -183,21 +195,33 @@ class LiveTest(unittest.TestCase):
 
     def test_a_close_while_the_daemon_is_stopped_ends_in_time(self):
         self.daemon.start()
-        for _ in self.each():
-            game = self.game()
-            game.play(0.5)
-            with Stopped(self.daemon):
-                game.play(0.3)
+        for name in PLAYERS:
+            with self.playing(name):
+                game = self.game()
+                game.play(0.5)
+                with Stopped(self.daemon):
+                    game.play(0.3)
+                    self.assertLess(game.close()["took_s"], 2.0)
+
+    def test_no_more_than_4096_ticks_that_are_kept_whole_may_wait(self):
+        for name in PLAYERS:
+            with self.playing(name):
+                game = self.game(0.0)  # there is no daemon
+                keep = {"settings": {"minDistanceM": 3.0}}
+                answers = [self.player.run({"live_tick": {"timeS": frame / 60, **keep}}) for frame in range(4098)]
+                self.assertEqual([{"error": "QUEUE_FULL"}] * 2, answers[4096:])
+                self.assertNotIn("error", answers[4095])
                 self.assertLess(game.close()["took_s"], 2.0)
 
     def test_an_opening_that_no_daemon_accepts_is_an_error(self):
         self.daemon.start()
-        for _ in self.each():
-            wrong = {**opening(), "targets": [{"id": "77"}]}
-            self.player.run({"live_open": wrong, "address": self.daemon.address, "wait_s": 5.0})
-            self.assertEqual({"error": "NOT_FOUND"}, self.player.run({"live_tick": {"timeS": 0.0}}))
-            self.assertEqual({"error": "NOT_FOUND"}, self.player.run({"live_tick": {"timeS": 0.1}}))
-            self.player.run({"live_close": {}})
+        for name in PLAYERS:
+            with self.playing(name):
+                wrong = {**opening(), "targets": [{"id": "77"}]}
+                self.player.run({"live_open": wrong, "address": self.daemon.address, "wait_s": 5.0})
+                self.assertEqual({"error": "NOT_FOUND"}, self.player.run({"live_tick": {"timeS": 0.0}}))
+                self.assertEqual({"error": "NOT_FOUND"}, self.player.run({"live_tick": {"timeS": 0.1}}))
+                self.player.run({"live_close": {}})
 
 
 if __name__ == "__main__":
