@@ -1,6 +1,7 @@
 #include "client/cpp/live_camera.h"
 
 #include <algorithm>
+#include <cmath>
 #include <condition_variable>
 #include <mutex>
 #include <thread>
@@ -92,6 +93,7 @@ class LiveCamera::Worker : public std::enable_shared_from_this<Worker> {
 Result<LiveView> LiveCamera::Worker::tick(v1::Tick tick) {
   if (tick.step_control().merge_into_next()) return invalid("tick.step_control.merge_into_next", "a camera waits for a reply to each tick");
   if (tick.sequence() != 0) return invalid("tick.sequence", "a LiveCamera numbers its ticks");
+  if (!std::isfinite(tick.time_s())) return invalid("tick.time_s", "must be finite");
   std::unique_lock lock(mutex_);
   const bool idle = answered_ == sequence_;
   if (const Status taken = take(tick, idle); !taken) return tl::unexpected(taken.error());

@@ -70,8 +70,8 @@ class LiveCamera {
   LiveCamera& operator=(LiveCamera&&) noexcept;
 
   // Tells the daemon what has changed, and returns the camera to draw. Waits for the answer at most LiveOptions::wait, and not at all while
-  // an earlier tick is unanswered. The camera numbers ticks. Errors: kInvalidArgument for a tick that has a sequence or merges into the next one,
-  // kResourceExhausted (field "tick") when 4,096 ticks wait, and the error of an opening that no daemon accepts.
+  // an earlier tick is unanswered. The camera numbers ticks. Errors: kInvalidArgument for a tick that has a sequence, merges into the next one, or
+  // whose time is not finite; kResourceExhausted (field "tick") when 4,096 ticks wait, and the error of an opening that no daemon accepts.
   Result<LiveView> tick(v1::Tick tick);
 
   // The camera to draw between ticks, at a game time near the newest tick's. Never waits.

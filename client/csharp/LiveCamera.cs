@@ -92,6 +92,7 @@ public sealed class LiveCamera : IDisposable {
         if (message.StepControl != null && message.StepControl.MergeIntoNext)
             throw new ArgumentException("a camera waits for a reply to each tick", "message.StepControl.MergeIntoNext");
         if (message.Sequence != 0) throw new ArgumentException("a LiveCamera numbers its ticks", "message.Sequence");
+        if (!Finite.Is(message.TimeS)) throw new ArgumentException("must be finite", "message.TimeS");
         lock (gate) {
             bool idle = answered == sequence;
             Take(message.Clone(), idle);

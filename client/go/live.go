@@ -113,6 +113,9 @@ func (c *LiveCamera) Tick(message *v1.Tick) (*LiveView, error) {
 	if message.GetSequence() != 0 {
 		return nil, errors.New("sequence: a LiveCamera numbers its ticks")
 	}
+	if !areFinite([]float64{message.GetTimeS()}) {
+		return nil, errors.New("time_s: must be finite")
+	}
 	c.mutex.Lock()
 	defer c.mutex.Unlock()
 	idle := c.answered == c.sequence

@@ -125,6 +125,7 @@ export class LiveCamera {
     const tick = clone(TickSchema, create(TickSchema, message));
     if (tick.stepControl?.mergeIntoNext) throw new TypeError("stepControl.mergeIntoNext: a camera waits for a reply to each tick");
     if (tick.sequence) throw new TypeError("sequence: a LiveCamera numbers its ticks");
+    if (!Number.isFinite(tick.timeS)) throw new TypeError("timeS: must be finite");
     tick.sequence = this.sequence + 1n;
     this.waiting.add(tick);
     this.display.takeTick(tick);

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import math
-from typing import Dict, List, Mapping, Optional, Tuple
+from typing import Dict, Iterable, List, Mapping, Optional, Tuple
 
 from sightline.v1.scene_pb2 import NewInstance, Target
 from sightline.v1.session_pb2 import OpenSession, Tick
@@ -34,11 +34,11 @@ class TargetPlaces:
         if tick.HasField("targets"):
             self._choose(tick.targets.targets)
 
-    def _add(self, instances: "List[NewInstance]") -> None:
+    def _add(self, instances: Iterable[NewInstance]) -> None:
         for added in instances:
             self._positions[added.id] = vector(added.pose.position)
 
-    def _choose(self, targets: "List[Target]") -> None:
+    def _choose(self, targets: Iterable[Target]) -> None:
         self._weights = [(target.id, target.weight if target.HasField("weight") else 1.0) for target in targets]
 
     def position(self, id_: int, drawn: Mapping[int, Vector]) -> Optional[Vector]:

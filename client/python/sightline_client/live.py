@@ -1,6 +1,7 @@
 """A camera for a game loop: no call waits for long, whatever happens to the daemon."""
 from __future__ import annotations
 
+import math
 import threading
 import time
 from dataclasses import dataclass, replace
@@ -123,6 +124,8 @@ class LiveCamera:
             raise ValueError("tick.step_control.merge_into_next: a camera waits for a reply to each tick")
         if message.sequence:
             raise ValueError("tick.sequence: a LiveCamera numbers its ticks")
+        if not math.isfinite(message.time_s):
+            raise ValueError("tick.time_s: must be finite")
         numbered = Tick()
         numbered.CopyFrom(message)
         with self._changed:

@@ -199,6 +199,7 @@ impl LiveCamera {
     fn take(&self, mut tick: Tick) -> Result<u64, Error> {
         assert!(!tick.step_control.is_some_and(|control| control.merge_into_next), "a camera waits for a reply to each tick");
         assert!(tick.sequence == 0, "a LiveCamera numbers its ticks");
+        assert!(tick.time_s.is_finite(), "time_s must be finite");
         let mut state = self.shared.lock();
         state.check()?;
         let (sequence, time_s) = (state.sequence + 1, tick.time_s);
