@@ -19,7 +19,7 @@ void Display::take_tick(const v1::Tick& tick) {
 }
 
 void Display::take_reply(v1::CameraReply reply) {
-  if (!follower_) sampler_.add(reply);
+  if (!follower_ || reply.sequence() >= counts_from_) sampler_.add(reply);
   newest_ = std::move(reply);
 }
 
@@ -27,6 +27,7 @@ void Display::follow(uint64_t counts_from) {
   if (follower_) return;
   follower_ = Follower{minus(shown_.position, centre_.value_or(Vector{})), relative_velocity(), shown_s_};
   counts_from_ = counts_from;
+  sampler_ = {};
   blend_.reset();
 }
 
@@ -40,12 +41,13 @@ Vector Display::relative_velocity() const {
 
 std::pair<CameraSample, LiveSource> Display::show(double time_s, const Drawn& drawn) {
   const auto centre = places_.centre(drawn);
-  std::pair<CameraSample, LiveSource> shown;
-  if (follower_ && (!newest_ || newest_->sequence() < counts_from_)) {
+  std::pair<CameraSample, LiveSource> shown{shown_, LiveSource::kPredicted};
+  const auto daemon = sampler_.sample(time_s, places_.position(sampler_.target_id(), drawn));
+  if (daemon) {
+    if (follower_) go_back(followed(time_s, centre), *daemon, time_s);
+    shown = blended(*daemon, time_s);
+  } else if (follower_) {
     shown = {followed(time_s, centre), LiveSource::kFallback};
-  } else {
-    if (follower_) go_back(followed(time_s, centre), time_s, drawn);
-    shown = sampled(time_s, drawn);
   }
   remember(shown.first, time_s, centre);
   return shown;
@@ -70,29 +72,19 @@ CameraSample Display::followed(double time_s, const std::optional<Vector>& centr
   return sample;
 }
 
-void Display::go_back(const CameraSample& followed, double time_s, const Drawn& drawn) {
+void Display::go_back(const CameraSample& followed, const CameraSample& daemon, double time_s) {
   follower_.reset();
-  sampler_ = {};
-  sampler_.add(*newest_);
-  const auto daemon = newest_sample(time_s, drawn);
-  if (newest_->cut()) return;
-  blend_ = Blend{time_s, minus(followed.position, daemon->position), turn_of(product(followed.rotation, inverse(daemon->rotation))),
-                 followed.field_of_view - daemon->field_of_view};
+  blend_ = Blend{time_s, minus(followed.position, daemon.position), turn_of(product(followed.rotation, inverse(daemon.rotation))),
+                 followed.field_of_view - daemon.field_of_view};
 }
 
-std::optional<CameraSample> Display::newest_sample(double time_s, const Drawn& drawn) {
-  return sampler_.sample(time_s, places_.position(sampler_.target_id(), drawn));
-}
-
-std::pair<CameraSample, LiveSource> Display::sampled(double time_s, const Drawn& drawn) {
-  const auto daemon = newest_sample(time_s, drawn);
-  if (!daemon) return {shown_, LiveSource::kPredicted};
-  const double left = blend_ && !daemon->cut ? share_left(time_s) : 0;
+std::pair<CameraSample, LiveSource> Display::blended(const CameraSample& daemon, double time_s) {
+  const double left = blend_ && !daemon.cut ? share_left(time_s) : 0;
   if (left == 0) {
     blend_.reset();
-    return {*daemon, LiveSource::kPredicted};
+    return {daemon, LiveSource::kPredicted};
   }
-  CameraSample shown = *daemon;
+  CameraSample shown = daemon;
   shown.position = plus(shown.position, times(left, blend_->shift));
   shown.rotation = product(rotation_of(times(left, blend_->turn)), shown.rotation);
   shown.field_of_view += left * blend_->zoom;

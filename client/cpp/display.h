@@ -38,16 +38,15 @@ class Display {
   };
   Vector relative_velocity() const;
   CameraSample followed(double time_s, const std::optional<Vector>& centre) const;
-  void go_back(const CameraSample& followed, double time_s, const Drawn& drawn);
-  std::optional<CameraSample> newest_sample(double time_s, const Drawn& drawn);
-  std::pair<CameraSample, LiveSource> sampled(double time_s, const Drawn& drawn);
+  void go_back(const CameraSample& followed, const CameraSample& daemon, double time_s);
+  std::pair<CameraSample, LiveSource> blended(const CameraSample& daemon, double time_s);
   double share_left(double time_s) const;
   void remember(const CameraSample& sample, double time_s, const std::optional<Vector>& centre);
 
   const double blend_s_;
   TargetPlaces places_;
   std::optional<v1::CameraReply> newest_;
-  PoseSampler sampler_;
+  PoseSampler sampler_;  // of the replies that count: while there is a follower, those that end the fallback
   CameraSample shown_;
   double shown_s_ = 0;
   std::optional<Vector> centre_;                    // of the targets when that was shown

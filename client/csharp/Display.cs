@@ -29,7 +29,7 @@ internal sealed class Display {
     readonly double blendS;
     readonly TargetPlaces places;
     readonly RecentMotion motion = new RecentMotion();
-    PoseSampler sampler = new PoseSampler();
+    PoseSampler sampler = new PoseSampler();  // of the replies that count: while there is a follower, those that end the fallback
     Sample shown;
     double shownS;
     Double3? centre;  // of the targets when that was shown
@@ -63,7 +63,7 @@ internal sealed class Display {
 
     public void TakeReply(CameraReply reply) {
         Newest = reply;
-        if (follower == null) sampler.Add(reply);
+        if (follower == null || reply.Sequence >= countsFrom) sampler.Add(reply);
     }
 
     // The daemon is silent. from: the first tick whose reply ends the fallback.
@@ -71,19 +71,22 @@ internal sealed class Display {
         if (follower != null) return;
         follower = new Follower(centre == null ? shown.Position : shown.Position - centre.Value, RelativeVelocity(), shownS);
         countsFrom = from;
+        sampler = new PoseSampler();
         blend = null;
     }
 
     // The camera at a game time. drawn: positions of targets at that time, where newer than those of the newest tick.
     public Sample Show(double timeS, IReadOnlyDictionary<ulong, Double3> drawn, out LiveSource source) {
         var now = places.Centre(drawn);
-        Sample sample;
-        if (follower != null && (Newest == null || Newest.Sequence < countsFrom)) {
+        var sample = shown;
+        source = LiveSource.Predicted;
+        var daemon = sampler.Sample(timeS, places.Position(sampler.TargetId, drawn));
+        if (daemon != null) {
+            if (follower != null) GoBack(Followed(timeS, now), daemon.Value, timeS);
+            sample = Blended(daemon.Value, timeS, out source);
+        } else if (follower != null) {
             sample = Followed(timeS, now);
             source = LiveSource.Fallback;
-        } else {
-            if (follower != null) GoBack(Followed(timeS, now), timeS, drawn);
-            sample = Sampled(timeS, drawn, out source);
         }
         Remember(sample, timeS, now);
         return sample;
@@ -110,27 +113,16 @@ internal sealed class Display {
         return sample;
     }
 
-    void GoBack(Sample followed, double timeS, IReadOnlyDictionary<ulong, Double3> drawn) {
+    void GoBack(Sample followed, Sample daemon, double timeS) {
         follower = null;
-        sampler = new PoseSampler();
-        sampler.Add(Newest);
-        var daemon = NewestSample(timeS, drawn).Value;
-        if (Newest.Cut) return;
         blend = new BlendState {
             SinceS = timeS, Shift = followed.Position - daemon.Position, Turn = (followed.Rotation * daemon.Rotation.Inverse).Turn,
             Zoom = followed.FieldOfView - daemon.FieldOfView
         };
     }
 
-    Sample? NewestSample(double timeS, IReadOnlyDictionary<ulong, Double3> drawn) {
-        return sampler.Sample(timeS, places.Position(sampler.TargetId, drawn));
-    }
-
-    Sample Sampled(double timeS, IReadOnlyDictionary<ulong, Double3> drawn, out LiveSource source) {
+    Sample Blended(Sample sample, double timeS, out LiveSource source) {
         source = LiveSource.Predicted;
-        var daemon = NewestSample(timeS, drawn);
-        if (daemon == null) return shown;
-        var sample = daemon.Value;
         double left = blend != null && !sample.Cut ? ShareLeft(timeS - blend.SinceS) : 0;
         if (left == 0) {
             blend = null;

@@ -42,7 +42,7 @@ type display struct {
 	places     *targetPlaces
 	newest     *v1.CameraReply
 	blendS     float64
-	sampler    *PoseSampler
+	sampler    *PoseSampler // of the replies that count: while there is a follower, those that end the fallback
 	shown      Sample
 	shownS     float64
 	centre     *Vector       // of the targets when that was shown
@@ -75,7 +75,7 @@ func (d *display) takeTick(tick *v1.Tick) {
 
 func (d *display) takeReply(reply *v1.CameraReply) {
 	d.newest = reply
-	if d.follower == nil {
+	if d.follower == nil || reply.GetSequence() >= d.countsFrom {
 		d.sampler.Add(reply)
 	}
 }
@@ -90,7 +90,7 @@ func (d *display) follow(countsFrom uint64) {
 		offset = offset.minus(*d.centre)
 	}
 	d.follower = &follower{offset, d.relativeVelocity(), d.shownS}
-	d.countsFrom, d.blend = countsFrom, nil
+	d.countsFrom, d.sampler, d.blend = countsFrom, &PoseSampler{}, nil
 }
 
 // relativeVelocity is no faster than the camera of the newest reply: targets that are put elsewhere do not throw it.
@@ -110,13 +110,17 @@ func (d *display) relativeVelocity() Vector {
 // show is the camera at a game time. drawn: positions of targets at that time, where newer than those of the newest tick.
 func (d *display) show(timeS float64, drawn Drawn) (shown Sample, source Source) {
 	centre := d.places.centre(drawn)
-	if d.follower != nil && (d.newest == nil || d.newest.GetSequence() < d.countsFrom) {
-		shown, source = d.followed(timeS, centre), SourceFallback
-	} else {
+	daemon, ok := d.sampler.Sample(timeS, d.places.position(d.sampler.TargetID(), drawn))
+	switch {
+	case ok:
 		if d.follower != nil {
-			d.goBack(d.followed(timeS, centre), timeS, drawn)
+			d.goBack(d.followed(timeS, centre), daemon, timeS)
 		}
-		shown, source = d.sampled(timeS, drawn)
+		shown, source = d.blended(daemon, timeS)
+	case d.follower != nil:
+		shown, source = d.followed(timeS, centre), SourceFallback
+	default:
+		shown, source = d.shown, SourcePredicted
 	}
 	d.remember(shown, timeS, centre)
 	return shown, source
@@ -131,26 +135,13 @@ func (d *display) followed(timeS float64, centre *Vector) Sample {
 	return shown
 }
 
-func (d *display) goBack(followed Sample, timeS float64, drawn Drawn) {
-	d.follower, d.sampler = nil, &PoseSampler{}
-	d.sampler.Add(d.newest)
-	daemon, ok := d.newestSample(timeS, drawn)
-	if !ok || d.newest.GetCut() {
-		return
-	}
+func (d *display) goBack(followed, daemon Sample, timeS float64) {
+	d.follower = nil
 	turn := followed.Rotation.after(daemon.Rotation.inverse()).turn()
 	d.blend = &blend{timeS, followed.Position.minus(daemon.Position), turn, followed.FieldOfView - daemon.FieldOfView}
 }
 
-func (d *display) newestSample(timeS float64, drawn Drawn) (Sample, bool) {
-	return d.sampler.Sample(timeS, d.places.position(d.sampler.TargetID(), drawn))
-}
-
-func (d *display) sampled(timeS float64, drawn Drawn) (Sample, Source) {
-	shown, ok := d.newestSample(timeS, drawn)
-	if !ok {
-		return d.shown, SourcePredicted
-	}
+func (d *display) blended(shown Sample, timeS float64) (Sample, Source) {
 	left := 0.0
 	if d.blend != nil && !shown.Cut {
 		left = d.blend.left(timeS, d.blendS)

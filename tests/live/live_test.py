@@ -54,12 +54,8 @@ class LiveTest(unittest.TestCase):
     @contextlib.contextmanager
     def playing(self, name):
         """A failure of one client does not keep the others from playing."""
-        with self.subTest(client=name):
-            self.player = Player(name, PLAYERS[name])
-            try:
-                yield
-            finally:
-                self.player.kill()
+        with self.subTest(client=name), Player(name, PLAYERS[name]) as self.player:
+            yield
 
     def stop_daemon(self):
         if self.daemon.process and self.daemon.process.poll() is None:

@@ -44,8 +44,13 @@ class Player:
         assert self.process.wait(20) == 0, "the player did not end in order"
         self.process.stdout.close()
 
-    def kill(self):
-        self.process.kill()
-        self.process.wait()
-        self.process.stdin.close()
-        self.process.stdout.close()
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, *_):
+        """Does not hide the error that is on its way."""
+        if kind is None:
+            self.close()
+        else:
+            self.process.kill()
+            self.process.wait()

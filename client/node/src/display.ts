@@ -26,7 +26,7 @@ interface Blend {
 export class Display {
   readonly places: TargetPlaces;
   newest?: CameraReply;
-  private sampler = new PoseSampler();
+  private sampler = new PoseSampler(); // of the replies that count: while there is a follower, those that end the fallback
   private shown: Sample;
   private shownS = 0;
   private centre?: Vector; // of the targets when that was shown
@@ -60,7 +60,7 @@ export class Display {
 
   takeReply(reply: CameraReply): void {
     this.newest = reply;
-    if (!this.follower) this.sampler.add(reply);
+    if (!this.follower || reply.sequence >= this.countsFrom) this.sampler.add(reply);
   }
 
   // The daemon is silent. countsFrom: the first tick whose reply ends the fallback.
@@ -69,6 +69,7 @@ export class Display {
     const offset = this.centre ? minus(this.shown.position, this.centre) : this.shown.position;
     this.follower = new Follower(offset, this.relativeVelocity(), this.shownS);
     this.countsFrom = countsFrom;
+    this.sampler = new PoseSampler();
     this.blend = undefined;
   }
 
@@ -76,13 +77,9 @@ export class Display {
   show(timeS: number, drawn: Drawn = NOTHING_DRAWN): [Sample, Source] {
     const centre = this.places.centre(drawn);
     const followed = this.followed(timeS, centre);
-    let shown: [Sample, Source];
-    if (followed && (!this.newest || this.newest.sequence < this.countsFrom)) {
-      shown = [followed, "fallback"];
-    } else {
-      if (followed) this.goBack(followed, timeS, drawn);
-      shown = this.sampled(timeS, drawn);
-    }
+    const daemon = this.sampler.sample(timeS, this.places.position(this.sampler.targetId, drawn));
+    if (daemon && followed) this.goBack(followed, daemon, timeS);
+    const shown: [Sample, Source] = daemon ? this.blended(daemon, timeS) : followed ? [followed, "fallback"] : [{...this.shown, cut: false}, "predicted"];
     this.remember(shown[0], timeS, centre);
     return shown;
   }
@@ -106,25 +103,15 @@ export class Display {
     return this.follower && {...this.shown, position: centre ? this.follower.at(timeS, centre) : this.shown.position, cut: false};
   }
 
-  private goBack(followed: Sample, timeS: number, drawn: Drawn): void {
+  private goBack(followed: Sample, daemon: Sample, timeS: number): void {
     this.follower = undefined;
-    this.sampler = new PoseSampler();
-    this.sampler.add(this.newest!);
-    const daemon = this.newestSample(timeS, drawn);
-    if (!daemon || this.newest!.cut) return;
     this.blend = {
       sinceS: timeS, shift: minus(followed.position, daemon.position), turn: turnOf(product(followed.rotation, inverse(daemon.rotation))),
       zoom: followed.fieldOfView - daemon.fieldOfView,
     };
   }
 
-  private newestSample(timeS: number, drawn: Drawn): Sample | undefined {
-    return this.sampler.sample(timeS, this.places.position(this.sampler.targetId, drawn));
-  }
-
-  private sampled(timeS: number, drawn: Drawn): [Sample, Source] {
-    const daemon = this.newestSample(timeS, drawn);
-    if (!daemon) return [{...this.shown, cut: false}, "predicted"];
+  private blended(daemon: Sample, timeS: number): [Sample, Source] {
     const {blend} = this;
     const left = blend && !daemon.cut ? shareLeft(timeS - blend.sinceS, this.blendS) : 0;
     if (!blend || left === 0) {

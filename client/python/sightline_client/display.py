@@ -41,7 +41,7 @@ class Display:
         self.places = TargetPlaces(opening)
         self.newest: Optional[CameraReply] = None
         self._blend_s = blend_s
-        self._sampler = PoseSampler()
+        self._sampler = PoseSampler()  # of the replies that count: while there is a follower, those that end the fallback
         q = opening.camera.rotation
         rotation = unit((q.x, q.y, q.z, q.w)) if opening.camera.HasField("rotation") else (0.0, 0.0, 0.0, 1.0)
         self._shown = Sample(vector(opening.camera.position), rotation, opening.lens.field_of_view)
@@ -67,7 +67,7 @@ class Display:
 
     def take_reply(self, reply: CameraReply) -> None:
         self.newest = reply
-        if self._follower is None:
+        if self._follower is None or reply.sequence >= self._counts_from:
             self._sampler.add(reply)
 
     def follow(self, counts_from: int) -> None:
@@ -76,7 +76,7 @@ class Display:
             return
         offset = minus(self._shown.position, self._centre) if self._centre is not None else self._shown.position
         self._follower = Follower(offset, self._relative_velocity(), self._shown_s)
-        self._counts_from, self._blend = counts_from, None
+        self._counts_from, self._sampler, self._blend = counts_from, PoseSampler(), None
 
     def _relative_velocity(self) -> Vector:
         """No faster than the camera of the newest reply: targets that are put elsewhere do not throw it."""
@@ -91,12 +91,15 @@ class Display:
         """The camera at a game time. drawn: positions of targets at that time, where newer than those of the newest tick."""
         centre = self.places.centre(drawn)
         followed = self._followed(time_s, centre)
-        if followed is not None and (self.newest is None or self.newest.sequence < self._counts_from):
+        daemon = self._sampler.sample(time_s, self.places.position(self._sampler.target_id, drawn))
+        if daemon is not None:
+            if followed is not None:
+                self._go_back(followed, daemon, time_s)
+            sample, source = self._blended(daemon, time_s)
+        elif followed is not None:
             sample, source = followed, Source.FALLBACK
         else:
-            if followed is not None:
-                self._go_back(followed, time_s, drawn)
-            sample, source = self._sampled(time_s, drawn)
+            sample, source = self._shown, Source.PREDICTED
         self._remember(sample, time_s, centre)
         return sample, source
 
@@ -106,22 +109,12 @@ class Display:
         position = self._shown.position if centre is None else self._follower.at(time_s, centre)
         return Sample(position, self._shown.rotation, self._shown.field_of_view)
 
-    def _go_back(self, followed: Sample, time_s: float, drawn: Mapping[int, Vector]) -> None:
-        assert self.newest is not None
-        self._follower, self._sampler = None, PoseSampler()
-        self._sampler.add(self.newest)
-        daemon = self._newest_sample(time_s, drawn)
-        if daemon is not None and not self.newest.cut:
-            turn = turn_of(product(followed.rotation, inverse(daemon.rotation)))
-            self._blend = _Blend(time_s, minus(followed.position, daemon.position), turn, followed.field_of_view - daemon.field_of_view)
+    def _go_back(self, followed: Sample, daemon: Sample, time_s: float) -> None:
+        self._follower = None
+        turn = turn_of(product(followed.rotation, inverse(daemon.rotation)))
+        self._blend = _Blend(time_s, minus(followed.position, daemon.position), turn, followed.field_of_view - daemon.field_of_view)
 
-    def _newest_sample(self, time_s: float, drawn: Mapping[int, Vector]) -> Optional[Sample]:
-        return self._sampler.sample(time_s, self.places.position(self._sampler.target_id, drawn))
-
-    def _sampled(self, time_s: float, drawn: Mapping[int, Vector]) -> Tuple[Sample, Source]:
-        daemon = self._newest_sample(time_s, drawn)
-        if daemon is None:
-            return self._shown, Source.PREDICTED
+    def _blended(self, daemon: Sample, time_s: float) -> Tuple[Sample, Source]:
         blend = self._blend
         left = blend.left(time_s, self._blend_s) if blend is not None and not daemon.cut else 0.0
         if blend is None or left == 0:

@@ -31,7 +31,7 @@ pub(crate) struct Display {
     pub newest: Option<CameraReply>,
     places: TargetPlaces,
     blend_s: f64,
-    sampler: PoseSampler,
+    sampler: PoseSampler, // of the replies that count: while there is a follower, those that end the fallback
     shown: Sample,
     shown_s: f64,
     centre: Option<Vector>,      // of the targets when that was shown
@@ -86,7 +86,7 @@ impl Display {
     }
 
     pub fn take_reply(&mut self, reply: CameraReply) {
-        if self.follower.is_none() {
+        if self.follower.is_none() || reply.sequence >= self.counts_from {
             self.sampler.add(&reply);
         }
         self.newest = Some(reply);
@@ -100,6 +100,7 @@ impl Display {
         let offset = minus(self.shown.position, self.centre.unwrap_or(ORIGIN));
         self.follower = Some(Follower { offset, velocity: self.relative_velocity(), since_s: self.shown_s });
         self.counts_from = counts_from;
+        self.sampler = PoseSampler::default();
         self.blend = None;
     }
 
@@ -121,14 +122,16 @@ impl Display {
     pub fn show(&mut self, time_s: f64, drawn: &Drawn) -> (Sample, Source) {
         let centre = self.places.centre(drawn);
         let followed = self.followed(time_s, centre);
-        let is_away = self.newest.as_ref().is_none_or(|newest| newest.sequence < self.counts_from);
-        let shown = match followed {
-            Some(followed) if is_away => (followed, Source::Fallback),
-            Some(followed) => {
-                self.go_back(followed, time_s, drawn);
-                self.sampled(time_s, drawn)
+        let target = self.places.position(self.sampler.target_id(), drawn);
+        let shown = match (self.sampler.sample(time_s, target), followed) {
+            (Some(daemon), followed) => {
+                if let Some(followed) = followed {
+                    self.go_back(followed, daemon, time_s);
+                }
+                self.blended(daemon, time_s)
             }
-            None => self.sampled(time_s, drawn),
+            (None, Some(followed)) => (followed, Source::Fallback),
+            (None, None) => (self.shown, Source::Predicted),
         };
         self.remember(shown.0, time_s, centre);
         shown
@@ -147,31 +150,17 @@ impl Display {
         Some(Sample { position, cut: false, ..self.shown })
     }
 
-    fn go_back(&mut self, followed: Sample, time_s: f64, drawn: &Drawn) {
+    fn go_back(&mut self, followed: Sample, daemon: Sample, time_s: f64) {
         self.follower = None;
-        self.sampler = PoseSampler::default();
-        let Some(newest) = &self.newest else { return };
-        self.sampler.add(newest);
-        let is_cut = newest.cut;
-        if let Some(daemon) = self.newest_sample(time_s, drawn).filter(|_| !is_cut) {
-            self.blend = Some(Blend {
-                since_s: time_s,
-                shift: minus(followed.position, daemon.position),
-                turn: turn_of(product(followed.rotation, inverse(daemon.rotation))),
-                zoom: followed.field_of_view - daemon.field_of_view,
-            });
-        }
+        self.blend = Some(Blend {
+            since_s: time_s,
+            shift: minus(followed.position, daemon.position),
+            turn: turn_of(product(followed.rotation, inverse(daemon.rotation))),
+            zoom: followed.field_of_view - daemon.field_of_view,
+        });
     }
 
-    fn newest_sample(&mut self, time_s: f64, drawn: &Drawn) -> Option<Sample> {
-        let target = self.places.position(self.sampler.target_id(), drawn);
-        self.sampler.sample(time_s, target)
-    }
-
-    fn sampled(&mut self, time_s: f64, drawn: &Drawn) -> (Sample, Source) {
-        let Some(daemon) = self.newest_sample(time_s, drawn) else {
-            return (self.shown, Source::Predicted);
-        };
+    fn blended(&mut self, daemon: Sample, time_s: f64) -> (Sample, Source) {
         let left = self.blend.as_ref().map_or(0.0, |blend| share_left(time_s - blend.since_s, self.blend_s));
         match &self.blend {
             Some(blend) if left > 0.0 && !daemon.cut => {
