@@ -6,6 +6,11 @@ namespace sightline::live {
 
 Display::Display(const v1::OpenSession& opening, double blend_s) : blend_s_(blend_s), places_(opening), centre_(places_.centre({})) {
   shown_ = {read(opening.camera().position()), read(opening.camera().rotation()), opening.lens().field_of_view(), false};
+  follower_ = Follower{offset(), {}, 0};  // there is no reply so far, so the camera follows from the start
+}
+
+Vector Display::offset() const {
+  return centre_ ? minus(shown_.position, *centre_) : Vector{};
 }
 
 void Display::take_tick(const v1::Tick& tick) {
@@ -24,8 +29,12 @@ void Display::take_reply(v1::CameraReply reply) {
 }
 
 void Display::follow(uint64_t counts_from) {
-  if (follower_) return;
-  follower_ = Follower{minus(shown_.position, centre_.value_or(Vector{})), relative_velocity(), shown_s_};
+  if (!follower_) {
+    follower_ = Follower{offset(), relative_velocity(), shown_s_};
+    has_followed_ = false;
+  } else if (counts_from_ > 0) {
+    return;
+  }
   counts_from_ = counts_from;
   sampler_ = {};
   blend_.reset();
@@ -41,13 +50,14 @@ Vector Display::relative_velocity() const {
 
 std::pair<CameraSample, LiveSource> Display::show(double time_s, const Drawn& drawn) {
   const auto centre = places_.centre(drawn);
-  std::pair<CameraSample, LiveSource> shown{shown_, LiveSource::kPredicted};
+  std::pair<CameraSample, LiveSource> shown;
   const auto daemon = sampler_.sample(time_s, places_.position(sampler_.target_id(), drawn));
   if (daemon) {
     if (follower_) go_back(followed(time_s, centre), *daemon, time_s);
     shown = blended(*daemon, time_s);
-  } else if (follower_) {
+  } else {  // there is a follower until there is a reply
     shown = {followed(time_s, centre), LiveSource::kFallback};
+    has_followed_ = true;
   }
   remember(shown.first, time_s, centre);
   return shown;
@@ -74,6 +84,7 @@ CameraSample Display::followed(double time_s, const std::optional<Vector>& centr
 
 void Display::go_back(const CameraSample& followed, const CameraSample& daemon, double time_s) {
   follower_.reset();
+  if (!has_followed_) return;
   blend_ = Blend{time_s, minus(followed.position, daemon.position), turn_of(product(followed.rotation, inverse(daemon.rotation))),
                  followed.field_of_view - daemon.field_of_view};
 }

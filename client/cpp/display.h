@@ -36,6 +36,7 @@ class Display {
     Vector shift, turn;
     double zoom;
   };
+  Vector offset() const;
   Vector relative_velocity() const;
   CameraSample followed(double time_s, const std::optional<Vector>& centre) const;
   void go_back(const CameraSample& followed, const CameraSample& daemon, double time_s);
@@ -52,6 +53,7 @@ class Display {
   std::optional<Vector> centre_;                    // of the targets when that was shown
   std::vector<std::pair<double, Vector>> offsets_;  // the camera minus the centre at the last two times
   std::optional<Follower> follower_;
+  bool has_followed_ = false;  // since the follower began, it was shown
   uint64_t counts_from_ = 0;  // replies to ticks from this number on end the fallback
   std::optional<Blend> blend_;
   RecentMotion motion_;

@@ -35,6 +35,7 @@ internal sealed class Display {
     Double3? centre;  // of the targets when that was shown
     List<KeyValuePair<double, Double3>> offsets = new List<KeyValuePair<double, Double3>>();  // the camera minus the centre at the last two times
     Follower follower;
+    bool hasFollowed;  // since the follower began, it was shown
     ulong countsFrom;  // replies to ticks from this number on end the fallback
     BlendState blend;
 
@@ -49,6 +50,7 @@ internal sealed class Display {
             FieldOfView = opening.Lens == null ? 0 : opening.Lens.FieldOfView
         };
         centre = places.Centre(null);
+        follower = new Follower(Offset(), new Double3(), 0);  // there is no reply so far, so the camera follows from the start
     }
 
     public void TakeTick(Tick tick) {
@@ -68,8 +70,12 @@ internal sealed class Display {
 
     // The daemon is silent. from: the first tick whose reply ends the fallback.
     public void Follow(ulong from) {
-        if (follower != null) return;
-        follower = new Follower(centre == null ? shown.Position : shown.Position - centre.Value, RelativeVelocity(), shownS);
+        if (follower == null) {
+            follower = new Follower(Offset(), RelativeVelocity(), shownS);
+            hasFollowed = false;
+        } else if (countsFrom > 0) {
+            return;
+        }
         countsFrom = from;
         sampler = new PoseSampler();
         blend = null;
@@ -78,15 +84,15 @@ internal sealed class Display {
     // The camera at a game time. drawn: positions of targets at that time, where newer than those of the newest tick.
     public Sample Show(double timeS, IReadOnlyDictionary<ulong, Double3> drawn, out LiveSource source) {
         var now = places.Centre(drawn);
-        var sample = shown;
-        source = LiveSource.Predicted;
+        Sample sample;
         var daemon = sampler.Sample(timeS, places.Position(sampler.TargetId, drawn));
         if (daemon != null) {
             if (follower != null) GoBack(Followed(timeS, now), daemon.Value, timeS);
             sample = Blended(daemon.Value, timeS, out source);
-        } else if (follower != null) {
+        } else {  // there is a follower until there is a reply
             sample = Followed(timeS, now);
             source = LiveSource.Fallback;
+            hasFollowed = true;
         }
         Remember(sample, timeS, now);
         return sample;
@@ -97,6 +103,8 @@ internal sealed class Display {
         var pose = new Pose3 { Position = shown.Position.ToMessage(), Rotation = shown.Rotation.ToMessage() };
         return new ObservedCamera { Pose = pose, Velocity = motion.Velocity().ToMessage() };
     }
+
+    Double3 Offset() { return centre == null ? new Double3() : shown.Position - centre.Value; }
 
     // No faster than the camera of the newest reply: targets that are put elsewhere do not throw it.
     Double3 RelativeVelocity() {
@@ -115,6 +123,7 @@ internal sealed class Display {
 
     void GoBack(Sample followed, Sample daemon, double timeS) {
         follower = null;
+        if (!hasFollowed) return;
         blend = new BlendState {
             SinceS = timeS, Shift = followed.Position - daemon.Position, Turn = (followed.Rotation * daemon.Rotation.Inverse).Turn,
             Zoom = followed.FieldOfView - daemon.FieldOfView

@@ -48,6 +48,7 @@ type display struct {
 	centre     *Vector       // of the targets when that was shown
 	offsets    []timedOffset // the camera minus the centre at the last two times
 	follower   *follower
+	followed   bool   // since the follower began, it was shown
 	countsFrom uint64 // replies to ticks from this number on end the fallback
 	blend      *blend
 	motion     recentMotion
@@ -57,7 +58,16 @@ func newDisplay(opening *v1.OpenSession, blendS float64) *display {
 	camera := opening.GetCamera()
 	shown := Sample{read(camera.GetPosition()), readRotation(camera.GetRotation()), opening.GetLens().GetFieldOfView(), false}
 	places := newTargetPlaces(opening)
-	return &display{places: places, blendS: blendS, sampler: &PoseSampler{}, shown: shown, centre: places.centre(nil)}
+	d := &display{places: places, blendS: blendS, sampler: &PoseSampler{}, shown: shown, centre: places.centre(nil)}
+	d.follower = &follower{offset: d.offset()} // there is no reply so far, so the camera follows from the start
+	return d
+}
+
+func (d *display) offset() Vector {
+	if d.centre == nil {
+		return Vector{}
+	}
+	return d.shown.Position.minus(*d.centre)
 }
 
 func (d *display) takeTick(tick *v1.Tick) {
@@ -82,14 +92,11 @@ func (d *display) takeReply(reply *v1.CameraReply) {
 
 // follow: the daemon is silent. countsFrom: the first tick whose reply ends the fallback.
 func (d *display) follow(countsFrom uint64) {
-	if d.follower != nil {
+	if d.follower == nil {
+		d.follower, d.followed = &follower{d.offset(), d.relativeVelocity(), d.shownS}, false
+	} else if d.countsFrom > 0 {
 		return
 	}
-	offset := d.shown.Position
-	if d.centre != nil {
-		offset = offset.minus(*d.centre)
-	}
-	d.follower = &follower{offset, d.relativeVelocity(), d.shownS}
 	d.countsFrom, d.sampler, d.blend = countsFrom, &PoseSampler{}, nil
 }
 
@@ -111,22 +118,19 @@ func (d *display) relativeVelocity() Vector {
 func (d *display) show(timeS float64, drawn Drawn) (shown Sample, source Source) {
 	centre := d.places.centre(drawn)
 	daemon, ok := d.sampler.Sample(timeS, d.places.position(d.sampler.TargetID(), drawn))
-	switch {
-	case ok:
+	if !ok { // there is a follower until there is a reply
+		shown, source, d.followed = d.following(timeS, centre), SourceFallback, true
+	} else {
 		if d.follower != nil {
-			d.goBack(d.followed(timeS, centre), daemon, timeS)
+			d.goBack(d.following(timeS, centre), daemon, timeS)
 		}
 		shown, source = d.blended(daemon, timeS)
-	case d.follower != nil:
-		shown, source = d.followed(timeS, centre), SourceFallback
-	default:
-		shown, source = d.shown, SourcePredicted
 	}
 	d.remember(shown, timeS, centre)
 	return shown, source
 }
 
-func (d *display) followed(timeS float64, centre *Vector) Sample {
+func (d *display) following(timeS float64, centre *Vector) Sample {
 	shown := d.shown
 	shown.Cut = false
 	if centre != nil {
@@ -137,6 +141,9 @@ func (d *display) followed(timeS float64, centre *Vector) Sample {
 
 func (d *display) goBack(followed, daemon Sample, timeS float64) {
 	d.follower = nil
+	if !d.followed {
+		return
+	}
 	turn := followed.Rotation.after(daemon.Rotation.inverse()).turn()
 	d.blend = &blend{timeS, followed.Position.minus(daemon.Position), turn, followed.FieldOfView - daemon.FieldOfView}
 }

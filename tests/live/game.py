@@ -55,6 +55,12 @@ class Frame:
         return max(2.0 if place is None else max(map(abs, place)) for place in shown)
 
     @property
+    def height(self):
+        """Where the targets are in the picture, on average; 0 is the middle, -1 the lower edge."""
+        shown = [picture_place(self.view, point) for point in places(self.time_s).values()]
+        return sum(place[1] for place in shown) / len(shown)
+
+    @property
     def distance(self):
         """From the camera to the middle of the targets."""
         return math.dist(self.view["position"], [sum(values) / 2 for values in zip(*places(self.time_s).values())])

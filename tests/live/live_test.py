@@ -106,7 +106,9 @@ class Trial(unittest.TestCase):
         self.assertLess(back_s, 1.5)
         self.assertIn("blend", sources(frames))
         self.assertEqual(0, game.frames[-1].view["age_s"])
-        self.assertLess(abs(game.frames[-1].distance - 9), 3.5)
+        asked = game.frames[0]  # it shows the opening's shot
+        self.assertLess(abs(game.frames[-1].distance - asked.distance), 3.0)
+        self.assertLess(abs(game.frames[-1].height - asked.height), 0.2)
 
     def absent_stopped_and_killed(self):
         game = self.game()
@@ -114,6 +116,7 @@ class Trial(unittest.TestCase):
         self.assertEqual("fallback", absent[-1].view["source"])
         self.assertTrue(absent[-1].view["trouble"])
         self.assertGreater(absent[-1].view["age_s"], 0.8)
+        self.assertLess(max(abs(frame.distance - absent[0].distance) for frame in absent), 0.01)
         self.await_daemon("absent", game, 0)
 
         first = len(game.frames)

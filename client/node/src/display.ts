@@ -32,6 +32,7 @@ export class Display {
   private centre?: Vector; // of the targets when that was shown
   private offsets: [timeS: number, offset: Vector][] = []; // the camera minus the centre at the last two times
   private follower?: Follower;
+  private hasFollowed = false; // since the follower began, it was shown
   private countsFrom = 0n; // replies to ticks from this number on end the fallback
   private blend?: Blend;
   private readonly motion = new RecentMotion();
@@ -41,6 +42,7 @@ export class Display {
     const {position, rotation} = opening.camera ?? {};
     this.shown = {position: read(position), rotation: readRotation(rotation), fieldOfView: opening.lens?.fieldOfView ?? 0, cut: false};
     this.centre = this.places.centre(NOTHING_DRAWN);
+    this.follower = new Follower(this.offset(), ORIGIN, 0); // there is no reply so far, so the camera follows from the start
   }
 
   get follows(): boolean {
@@ -65,9 +67,12 @@ export class Display {
 
   // The daemon is silent. countsFrom: the first tick whose reply ends the fallback.
   follow(countsFrom: bigint): void {
-    if (this.follower) return;
-    const offset = this.centre ? minus(this.shown.position, this.centre) : this.shown.position;
-    this.follower = new Follower(offset, this.relativeVelocity(), this.shownS);
+    if (!this.follower) {
+      this.follower = new Follower(this.offset(), this.relativeVelocity(), this.shownS);
+      this.hasFollowed = false;
+    } else if (this.countsFrom > 0n) {
+      return;
+    }
     this.countsFrom = countsFrom;
     this.sampler = new PoseSampler();
     this.blend = undefined;
@@ -79,7 +84,8 @@ export class Display {
     const followed = this.followed(timeS, centre);
     const daemon = this.sampler.sample(timeS, this.places.position(this.sampler.targetId, drawn));
     if (daemon && followed) this.goBack(followed, daemon, timeS);
-    const shown: [Sample, Source] = daemon ? this.blended(daemon, timeS) : followed ? [followed, "fallback"] : [{...this.shown, cut: false}, "predicted"];
+    if (!daemon) this.hasFollowed = true; // there is a follower until there is a reply
+    const shown: [Sample, Source] = daemon ? this.blended(daemon, timeS) : [followed!, "fallback"];
     this.remember(shown[0], timeS, centre);
     return shown;
   }
@@ -88,6 +94,10 @@ export class Display {
   observed(): ObservedCamera {
     const {position, rotation: [x, y, z, w]} = this.shown;
     return create(ObservedCameraSchema, {pose: {position: vector(position), rotation: {x, y, z, w}}, velocity: vector(this.motion.velocity())});
+  }
+
+  private offset(): Vector {
+    return this.centre ? minus(this.shown.position, this.centre) : ORIGIN;
   }
 
   // No faster than the camera of the newest reply: targets that are put elsewhere do not throw it.
@@ -105,6 +115,7 @@ export class Display {
 
   private goBack(followed: Sample, daemon: Sample, timeS: number): void {
     this.follower = undefined;
+    if (!this.hasFollowed) return;
     this.blend = {
       sinceS: timeS, shift: minus(followed.position, daemon.position), turn: turnOf(product(followed.rotation, inverse(daemon.rotation))),
       zoom: followed.fieldOfView - daemon.fieldOfView,

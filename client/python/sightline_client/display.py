@@ -48,7 +48,10 @@ class Display:
         self._shown_s = 0.0
         self._centre = self.places.centre({})  # of the targets when that was shown
         self._offsets: Tuple[Tuple[float, Vector], ...] = ()  # the camera minus the centre at the last two times
-        self._follower: Optional[Follower] = None
+        # There is no reply so far, so the camera follows from the start.
+        offset = minus(self._shown.position, self._centre) if self._centre is not None else ORIGIN
+        self._follower: Optional[Follower] = Follower(offset, ORIGIN, 0.0)
+        self._has_followed = False  # since the follower began, it was shown
         self._counts_from = 0  # replies to ticks from this number on end the fallback
         self._blend: Optional[_Blend] = None
         self._motion = RecentMotion()
@@ -72,10 +75,11 @@ class Display:
 
     def follow(self, counts_from: int) -> None:
         """The daemon is silent. counts_from: the first tick whose reply ends the fallback."""
-        if self._follower is not None:
+        if self._follower is None:
+            offset = minus(self._shown.position, self._centre) if self._centre is not None else ORIGIN
+            self._follower, self._has_followed = Follower(offset, self._relative_velocity(), self._shown_s), False
+        elif self._counts_from > 0:
             return
-        offset = minus(self._shown.position, self._centre) if self._centre is not None else self._shown.position
-        self._follower = Follower(offset, self._relative_velocity(), self._shown_s)
         self._counts_from, self._sampler, self._blend = counts_from, PoseSampler(), None
 
     def _relative_velocity(self) -> Vector:
@@ -97,9 +101,9 @@ class Display:
                 self._go_back(followed, daemon, time_s)
             sample, source = self._blended(daemon, time_s)
         elif followed is not None:
-            sample, source = followed, Source.FALLBACK
+            sample, source, self._has_followed = followed, Source.FALLBACK, True
         else:
-            sample, source = self._shown, Source.PREDICTED
+            raise AssertionError("there is a follower until there is a reply")
         self._remember(sample, time_s, centre)
         return sample, source
 
@@ -111,6 +115,8 @@ class Display:
 
     def _go_back(self, followed: Sample, daemon: Sample, time_s: float) -> None:
         self._follower = None
+        if not self._has_followed:
+            return
         turn = turn_of(product(followed.rotation, inverse(daemon.rotation)))
         self._blend = _Blend(time_s, minus(followed.position, daemon.position), turn, followed.field_of_view - daemon.field_of_view)
 

@@ -37,6 +37,7 @@ pub(crate) struct Display {
     centre: Option<Vector>,      // of the targets when that was shown
     offsets: Vec<(f64, Vector)>, // the camera minus the centre at the last two times
     follower: Option<Follower>,
+    has_followed: bool, // since the follower began, it was shown
     counts_from: u64, // replies to ticks from this number on end the fallback
     blend: Option<Blend>,
     motion: RecentMotion,
@@ -46,7 +47,7 @@ impl Display {
     pub fn new(opening: &OpenSession, blend_s: f64) -> Self {
         let camera = opening.camera.unwrap_or_default();
         let places = TargetPlaces::new(opening);
-        Display {
+        let mut display = Display {
             newest: None,
             blend_s,
             sampler: PoseSampler::default(),
@@ -61,10 +62,18 @@ impl Display {
             places,
             offsets: Vec::new(),
             follower: None,
+            has_followed: false,
             counts_from: 0,
             blend: None,
             motion: RecentMotion::default(),
-        }
+        };
+        // There is no reply so far, so the camera follows from the start.
+        display.follower = Some(Follower { offset: display.offset(), velocity: ORIGIN, since_s: 0.0 });
+        display
+    }
+
+    fn offset(&self) -> Vector {
+        self.centre.map_or(ORIGIN, |centre| minus(self.shown.position, centre))
     }
 
     pub fn follows(&self) -> bool {
@@ -94,11 +103,12 @@ impl Display {
 
     /// The daemon is silent. `counts_from`: the first tick whose reply ends the fallback.
     pub fn follow(&mut self, counts_from: u64) {
-        if self.follower.is_some() {
+        if self.follower.is_none() {
+            self.follower = Some(Follower { offset: self.offset(), velocity: self.relative_velocity(), since_s: self.shown_s });
+            self.has_followed = false;
+        } else if self.counts_from > 0 {
             return;
         }
-        let offset = minus(self.shown.position, self.centre.unwrap_or(ORIGIN));
-        self.follower = Some(Follower { offset, velocity: self.relative_velocity(), since_s: self.shown_s });
         self.counts_from = counts_from;
         self.sampler = PoseSampler::default();
         self.blend = None;
@@ -130,8 +140,10 @@ impl Display {
                 }
                 self.blended(daemon, time_s)
             }
-            (None, Some(followed)) => (followed, Source::Fallback),
-            (None, None) => (self.shown, Source::Predicted),
+            (None, followed) => {
+                self.has_followed = true;
+                (followed.expect("there is a follower until there is a reply"), Source::Fallback)
+            }
         };
         self.remember(shown.0, time_s, centre);
         shown
@@ -152,6 +164,9 @@ impl Display {
 
     fn go_back(&mut self, followed: Sample, daemon: Sample, time_s: f64) {
         self.follower = None;
+        if !self.has_followed {
+            return;
+        }
         self.blend = Some(Blend {
             since_s: time_s,
             shift: minus(followed.position, daemon.position),
