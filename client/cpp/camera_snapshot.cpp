@@ -9,9 +9,14 @@ void erase_id(google::protobuf::RepeatedField<uint64_t>& ids, uint64_t id) {
   ids.erase(std::remove(ids.begin(), ids.end(), id), ids.end());
 }
 
+void add(const v1::Vec3& shift, double sign, v1::Vec3& place) {
+  place.set_x(place.x() + sign * shift.x()), place.set_y(place.y() + sign * shift.y()), place.set_z(place.z() + sign * shift.z());
+}
+
 }  // namespace
 
 void CameraSnapshot::apply(const v1::Tick& tick) {
+  if (tick.has_world_shift()) shift_world(tick.world_shift());
   apply_delta(tick.delta());
   move(tick.transforms());
   take_terms(tick);
@@ -40,10 +45,23 @@ void CameraSnapshot::go_on_with_shot(v1::OpenSession& request) const {
   place.set_x(kept_->place_x()), place.set_y(kept_->place_y());
 }
 
+// The opening is as it was before the world was shifted; the first tick shifts it.
 v1::OpenSession CameraSnapshot::opening() const {
   v1::OpenSession request = first_;
-  if (camera_) *request.mutable_camera() = camera_->pose(), go_on_with_shot(request);
+  if (!camera_) return request;
+  *request.mutable_camera() = camera_->pose();
+  add(terms_.world_shift(), -1, *request.mutable_camera()->mutable_position());
+  go_on_with_shot(request);
   return request;
+}
+
+void CameraSnapshot::shift_world(const v1::Vec3& shift) {
+  add(shift, 1, *terms_.mutable_world_shift());
+  for (auto& [id, change] : changes_) {
+    if (change.added) add(shift, 1, *change.added->mutable_pose()->mutable_position());
+    if (!change.position.empty()) change.position[0] += shift.x(), change.position[1] += shift.y(), change.position[2] += shift.z();
+  }
+  if (camera_) add(shift, 1, *camera_->mutable_pose()->mutable_position());
 }
 
 std::vector<v1::Tick> CameraSnapshot::ticks(uint64_t next_sequence) const {

@@ -42,6 +42,7 @@ class CameraSnapshot {
   using Entry = std::pair<uint64_t, const Change*>;
 
   Change& change(uint64_t id);
+  void shift_world(const v1::Vec3& shift);
   void apply_delta(const v1::SceneDelta& delta);
   void forget_in_targets(uint64_t id);
   void move(const v1::Transforms& moved);
@@ -54,7 +55,7 @@ class CameraSnapshot {
   v1::OpenSession first_;  // with the newest shot
   std::map<uint64_t, Change> changes_;
   uint64_t orders_ = 0;
-  v1::Tick terms_;  // targets, lens, settings, limits and tuning that replace those of the opening
+  v1::Tick terms_;  // targets, lens, settings, limits and tuning that replace those of the opening, and how far the world was shifted since
   double time_s_ = 0.0;
   std::optional<v1::ObservedCamera> camera_;
   std::optional<v1::ShotReport> kept_;  // of the newest reply

@@ -21,7 +21,7 @@ internal sealed class Snapshot {
     readonly OpenSession opening;
     readonly List<ulong> order = new List<ulong>();  // of the first change
     readonly Dictionary<ulong, Change> changes = new Dictionary<ulong, Change>();
-    readonly Tick terms = new Tick();  // targets, lens, settings, limits and tuning that replace those of the opening
+    readonly Tick terms = new Tick();  // targets, lens, settings, limits and tuning that replace those of the opening, and how far the world was shifted since
     double timeS;
     ObservedCamera camera;
     ShotReport kept;  // of the newest reply
@@ -30,6 +30,7 @@ internal sealed class Snapshot {
 
     /// <summary>Takes a tick that the daemon has applied.</summary>
     public void Apply(Tick tick) {
+        if (tick.WorldShift != null) ShiftWorld(tick.WorldShift);
         if (tick.Delta != null) Apply(tick.Delta);
         if (tick.Transforms != null) Move(tick.Transforms);
         TakeTerms(tick);
@@ -41,11 +42,35 @@ internal sealed class Snapshot {
         kept = reply.Shot?.Clone();
     }
 
-    /// <summary>The first message of the session that goes on: as at first, but with the camera where it is now.</summary>
+    void ShiftWorld(Vec3 shift) {
+        if (terms.WorldShift == null) terms.WorldShift = new Vec3();
+        Add(shift, 1, terms.WorldShift);
+        foreach (var change in changes.Values) {
+            if (change.Added != null) change.Added = Shifted(change.Added, shift);
+            if (change.Position != null) change.Position = new[] { change.Position[0] + shift.X, change.Position[1] + shift.Y, change.Position[2] + shift.Z };
+        }
+        if (camera != null) Add(shift, 1, camera.Pose.Position ?? (camera.Pose.Position = new Vec3()));
+    }
+
+    static NewInstance Shifted(NewInstance added, Vec3 shift) {
+        var there = added.Clone();
+        if (there.Pose == null) there.Pose = new Pose3();
+        Add(shift, 1, there.Pose.Position ?? (there.Pose.Position = new Vec3()));
+        return there;
+    }
+
+    static void Add(Vec3 shift, double sign, Vec3 place) {
+        place.X += sign * shift.X;
+        place.Y += sign * shift.Y;
+        place.Z += sign * shift.Z;
+    }
+
+    /// <summary>The first message of the session that goes on: as at first, and before the world was shifted, but with the camera where it is now.</summary>
     public OpenSession Opening() {
         var request = opening.Clone();
         if (camera != null) {
             request.Camera = camera.Pose.Clone();
+            if (terms.WorldShift != null) Add(terms.WorldShift, -1, request.Camera.Position ?? (request.Camera.Position = new Vec3()));
             GoOnWithShot(request);
         }
         return request;

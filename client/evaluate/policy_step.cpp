@@ -124,7 +124,7 @@ Result<NamedSettings> read_named_settings(const std::string& text) {
   if (Status ok = read_settings(wire->settings(), wire->tuning(), field + ".", named.settings); !ok)
     return tl::unexpected(ok.error());
   if (wire->has_shot()) {
-    if (Status ok = read_shot(wire->shot(), gltf_convention(), field + ".shot", named.shot); !ok) return tl::unexpected(ok.error());
+    if (Status ok = read_shot(wire->shot(), gltf_convention(), Lens{}.aspect, field + ".shot", named.shot); !ok) return tl::unexpected(ok.error());
     named.shot.number = 1;
   }
   if (Status ok = validate(named.settings); !ok)

@@ -26,7 +26,7 @@ type snapshot struct {
 	first   *v1.OpenSession
 	changes map[uint64]*change
 	order   []uint64 // the keys of changes, in the order of the first change
-	terms   *v1.Tick // targets, lens, settings, limits and tuning that replace those of the opening
+	terms   *v1.Tick // targets, lens, settings, limits and tuning that replace those of the opening, and how far the world was shifted since
 	timeS   float64
 	camera  *v1.ObservedCamera
 	kept    *v1.ShotReport // of the newest reply
@@ -38,6 +38,9 @@ func newSnapshot(first *v1.OpenSession) *snapshot {
 
 // apply takes a tick that the daemon has applied.
 func (s *snapshot) apply(tick *v1.Tick) {
+	if tick.GetWorldShift() != nil {
+		s.shiftWorld(tick.GetWorldShift())
+	}
 	s.applyDelta(tick.GetDelta())
 	s.move(tick.GetTransforms())
 	s.takeTerms(tick)
@@ -49,11 +52,33 @@ func (s *snapshot) takeReply(reply *v1.CameraReply) {
 	s.kept = reply.GetShot()
 }
 
-// opening is the first message of the session that goes on: as at first, but with the camera where it is now.
+func (s *snapshot) shiftWorld(shift *v1.Vec3) {
+	s.terms.WorldShift = shifted(s.terms.GetWorldShift(), shift, 1)
+	for _, known := range s.changes {
+		if known.added != nil {
+			known.added = proto.Clone(known.added).(*v1.NewInstance)
+			known.added.Pose = &v1.Pose3{Position: shifted(known.added.GetPose().GetPosition(), shift, 1), Rotation: known.added.GetPose().GetRotation()}
+		}
+		if len(known.position) == 3 {
+			p := known.position
+			known.position = []float64{p[0] + shift.GetX(), p[1] + shift.GetY(), p[2] + shift.GetZ()}
+		}
+	}
+	if s.camera != nil {
+		s.camera = proto.Clone(s.camera).(*v1.ObservedCamera)
+		s.camera.Pose.Position = shifted(s.camera.GetPose().GetPosition(), shift, 1)
+	}
+}
+
+func shifted(place, shift *v1.Vec3, sign float64) *v1.Vec3 {
+	return &v1.Vec3{X: place.GetX() + sign*shift.GetX(), Y: place.GetY() + sign*shift.GetY(), Z: place.GetZ() + sign*shift.GetZ()}
+}
+
+// opening is the first message of the session that goes on: as at first, and before the world was shifted, but with the camera where it is now.
 func (s *snapshot) opening() *v1.OpenSession {
 	request := proto.Clone(s.first).(*v1.OpenSession)
 	if s.camera != nil {
-		request.Camera = s.camera.Pose
+		request.Camera = &v1.Pose3{Position: shifted(s.camera.GetPose().GetPosition(), s.terms.GetWorldShift(), -1), Rotation: s.camera.GetPose().GetRotation()}
 		s.goOnWithShot(request)
 	}
 	return request

@@ -137,6 +137,8 @@ void ReplayFeed::split(RecordedStep& recorded) {
 
 void ReplayFeed::change(v1::Tick& tick) {
   if (!settings_.empty()) put_over(settings_, tick);
+  const v1::Vec3& shift = tick.world_shift();
+  convention_.origin_m += vector_from_client(convention_, {shift.x(), shift.y(), shift.z()});
   if (!tick.has_observed_camera()) return;
   if (!settings_.empty() && follows(tick.observed_camera())) {
     tick.clear_observed_camera();

@@ -65,7 +65,7 @@ class ReplayFeed {
   bool follows(const v1::ObservedCamera& observed) const;
 
   StepSource source_;
-  const Convention convention_;
+  Convention convention_;  // its origin goes along with the recorded world
   const std::vector<ReplaySetting>& settings_;
   std::deque<FedStep> ready_;
   RecordedStep held_;                // refused ticks after the last reply; they belong to the next step

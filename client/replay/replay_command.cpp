@@ -268,6 +268,7 @@ class Command {
       if (Status written = output_->write(step_); !written) return written;
     if (step_.recorded.answer != StepAnswer::kRecorded || !step_.answer.has_reply) return {};
     if (recorded_figures_) {
+      for (const v1::Tick& tick : step_.recorded.step.ticks) recorded_figures_->take(tick), replayed_figures_->take(tick);
       recorded_figures_->add(step_.recorded.step.reply);
       replayed_figures_->add(step_.answer.reply);
     }

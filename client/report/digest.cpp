@@ -51,6 +51,7 @@ class Digester {
 
   void take(const v1::Tick& tick, uint64_t log_ns) {
     ++digest_.ticks;
+    digest_.replies.take(tick);
     newest_tick_ = {tick.sequence(), log_ns};
     poses_ += static_cast<size_t>(tick.transforms().ids_size());
     if (tick.has_settings()) mark("change", "settings " + short_json(tick.settings()));

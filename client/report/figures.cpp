@@ -87,6 +87,11 @@ CameraFrame frame_of(const v1::CameraReply& reply, const Convention& convention,
   return frame;
 }
 
+void ReplyFigures::take(const v1::Tick& tick) {
+  const v1::Vec3& shift = tick.world_shift();
+  convention_.origin_m += vector_from_client(convention_, {shift.x(), shift.y(), shift.z()});
+}
+
 void ReplyFigures::add(const v1::CameraReply& reply) {
   CameraFrame frame = frame_of(reply, convention_);
   if (!frames_.empty() && !reply.cut())

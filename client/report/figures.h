@@ -30,6 +30,8 @@ CameraFrame frame_of(const v1::CameraReply& reply, const Convention& convention,
 class ReplyFigures {
  public:
   explicit ReplyFigures(const Convention& convention) : convention_(convention) {}
+  // Where the client's world is from now on. Call it before the tick's reply is added.
+  void take(const v1::Tick& tick);
   void add(const v1::CameraReply& reply);
   uint64_t replies() const { return frames_.size(); }
 

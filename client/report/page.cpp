@@ -210,7 +210,7 @@ class Maker {
   void add_frame(const v1::CameraReply& reply, const v1::CameraReply& again, uint64_t log_ns) {
     const Session& session = session_->session();
     meet_targets(reply);
-    PageFrame frame = page_frame(reply, convention_, session.lens().aspect, page_.targets);
+    PageFrame frame = page_frame(reply, session.convention(), session.lens().aspect, page_.targets);
     if (!is_drawable(frame)) return static_cast<void>(++without_pose_);
     if (!page_.frames.empty()) frame.time_s = std::max(frame.time_s, page_.frames.back().time_s);
     if (newest_tick_.first == reply.sequence() && log_ns >= newest_tick_.second)
@@ -218,7 +218,7 @@ class Maker {
     aim(frame);
     if (whole_scene_) measure_clearance(frame);
     if (options_.cells != PageCells::kNone)
-      add_page_cells(digest_.has_candidates ? reply : again, convention_, page_.targets, frame);
+      add_page_cells(digest_.has_candidates ? reply : again, session.convention(), page_.targets, frame);
     thin_cells(frame);
     timeline_->take_in(session.mirror(), page_.frames.size());
     if (picture_frames_.contains(page_.frames.size())) add_picture(frame);

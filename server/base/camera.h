@@ -15,8 +15,11 @@ struct CameraState {
   glm::dvec3 angular_velocity_radps{0.0};  // world frame
 };
 
+// Fields of view lie between these.
+inline constexpr double kMinFovRad = 0.01, kMaxFovRad = 3.0;
+
 struct Lens {
-  double vertical_fov_rad = 0.6981317007977318;  // full angle, (0.01, 3.0); default 40 degrees
+  double vertical_fov_rad = 0.6981317007977318;  // full angle, (kMinFovRad, kMaxFovRad); default 40 degrees
   double aspect = 16.0 / 9.0;                    // width / height, [0.1, 10]
   double near_m = 0.1;                           // [1e-6, 10]
 };

@@ -37,6 +37,12 @@ struct AskedShot {
   double orbit_radps = 0.0;
   std::optional<double> distance_m, size;  // at most one of them
   std::vector<PicturePlace> places;
+  std::optional<glm::dvec2> dead_zone;  // half pictures by axis, [0, 0.9]; empty: FramingSettings::dead_zone for both
+  glm::dvec2 soft_zone{0.0};            // the same, [0.02, 2] and over dead_zone; 0: none
+  double lead_room = 0.0;               // share of half the picture's width, [0, 0.9]
+  bool lead_by_heading = false;         // by where the subject faces, not by where it goes
+  double roll_rad = 0.0;                // as ViewAngles::roll_rad, within +-pi/4
+  double min_vertical_fov_rad = 0.0, max_vertical_fov_rad = 0.0;  // the lens range; 0: that of the settings
   double weight = 1.0;     // factor of MoveSettings::keep_shot, [0, 10]
   double tolerance = 1.0;  // how wide the free bands of its properties are (picture_worth.h), [0, 3]
   bool cut = false;

@@ -23,6 +23,8 @@ struct Extent {
     const double least = high - half, most = low + half;
     return least <= most ? std::clamp(mean, least, most) : (low + high) / 2;
   }
+  // The least turn that does.
+  double least_shift(double half) const { return Extent{low, high, 0.0}.shift(half); }
   double reach() const { return std::max(std::abs(low), std::abs(high)); }
 };
 struct Extents {
@@ -46,8 +48,9 @@ void include_sphere(const glm::dvec3& middle_m, double radius_m, Extents& out) {
   out.y.include(std::atan2(middle_m.y, -middle_m.z), angle_of_radius(radius_m, std::hypot(middle_m.y, middle_m.z)));
 }
 
-// A body about its vertical axis. Its highest and lowest points in the picture are on the rims of its ends, towards the camera and away from it.
-void include_body(const TrackedTarget& target, const glm::dvec3& middle_m, const glm::dquat& camera_from_world, Extents& out) {
+// A body about its vertical axis. Its highest and lowest points in the picture are on the rims of its ends, towards the camera and away from it; in a picture that
+// leans, to its sides as well.
+void include_body(const TrackedTarget& target, const glm::dvec3& middle_m, const glm::dquat& camera_from_world, bool leans, Extents& out) {
   const glm::dvec3 up = camera_from_world * glm::dvec3(0, 1, 0), level = up * up.z - glm::dvec3(0, 0, 1);
   const glm::dvec3 away = level / std::max(glm::length(level), 1e-9);
   for (const double along_m : {-target.low_m, target.high_m}) {
@@ -56,6 +59,8 @@ void include_body(const TrackedTarget& target, const glm::dvec3& middle_m, const
     for (const double out_m : {-target.aside_m, target.aside_m}) {
       const glm::dvec3 rim_m = end_m + out_m * away;
       out.y.include(std::atan2(rim_m.y, -rim_m.z), 0.0);
+      const glm::dvec3 side_m = end_m + out_m * glm::cross(up, away);
+      if (leans) out.y.include(std::atan2(side_m.y, -side_m.z), 0.0);
     }
   }
 }
@@ -73,8 +78,7 @@ glm::dvec2 place_angles(const TrackedTarget& target, const Lens& lens) {
 }
 
 Extents extents_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& angles, const Lens& lens) {
-  const glm::dquat camera_from_world =
-      glm::conjugate(rotation_from_angles({angles.yaw_rad, angles.pitch_rad, 0}));
+  const glm::dquat camera_from_world = glm::conjugate(rotation_from_angles(angles));
   const bool any_required = any_required_of(targets), any_place = any_place_of(targets);
   Extents out;
   double weight = 0;
@@ -84,7 +88,7 @@ Extents extents_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targe
     const double ax = std::atan2(p.x, -p.z), ay = std::atan2(p.y, -p.z);
     if (must_fit(target, any_required)) {
       if (target.has_body())
-        include_body(target, p, camera_from_world, out);
+        include_body(target, p, camera_from_world, angles.roll_rad != 0, out);
       else
         include_sphere(p, target.radius_m, out);
     }
@@ -121,27 +125,43 @@ double beyond(double shift, double dead) {
   return shift - std::clamp(shift, -dead, dead);
 }
 
+// Turns by these angles along the axes of the picture, which may lean.
+void turn_along(const glm::dvec2& shift_rad, bool keeps_yaw, ViewAngles& angles) {
+  const double cosine = std::cos(angles.roll_rad), sine = std::sin(angles.roll_rad);
+  if (!keeps_yaw) angles.yaw_rad -= shift_rad.x * cosine - shift_rad.y * sine;
+  angles.pitch_rad = std::clamp(angles.pitch_rad + shift_rad.x * sine + shift_rad.y * cosine, -kMaxPitchRad, kMaxPitchRad);
+}
+
+// From `present` to `wanted`, but for the dead zone.
+ViewAngles outside_dead_zone(const ViewAngles& present, const ViewAngles& wanted, const glm::dvec2& dead_rad) {
+  return {present.yaw_rad + beyond(std::remainder(wanted.yaw_rad - present.yaw_rad, 2 * std::numbers::pi), dead_rad.x),
+          present.pitch_rad + beyond(wanted.pitch_rad - present.pitch_rad, dead_rad.y), wanted.roll_rad};
+}
+
 }  // namespace
 
 Aim aim_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& present,
-           const Lens& lens, const FramingSettings& settings, std::optional<double> fixed_yaw_rad) {
-  const double half_y = lens.vertical_fov_rad / 2, half_x = half_horizontal_fov_rad(lens);
-  const double room = 1 - settings.framing_margin;
+           const Lens& lens, const AimRules& rules) {
+  const glm::dvec2 half_rad(half_horizontal_fov_rad(lens), lens.vertical_fov_rad / 2);
+  const double room = 1 - rules.framing.framing_margin;
+  const bool keeps_yaw = rules.fixed_yaw_rad.has_value();
   ViewAngles angles = angles_towards(weighted_center_m(targets) - eye_m, present);
-  if (fixed_yaw_rad) angles = {*fixed_yaw_rad, angles.pitch_rad, 0};
+  if (keeps_yaw) angles.yaw_rad = *rules.fixed_yaw_rad;
+  angles.roll_rad = rules.roll_rad;
   for (int i = 0; i < kAimIterations; ++i) {
     const Extents at = extents_at(eye_m, targets, angles, lens);
-    if (!fixed_yaw_rad) angles.yaw_rad -= at.x.shift(half_x * room);
-    angles.pitch_rad = std::clamp(angles.pitch_rad + at.y.shift(half_y * room), -kMaxPitchRad, kMaxPitchRad);
+    turn_along({at.x.shift(half_rad.x * room), at.y.shift(half_rad.y * room)}, keeps_yaw, angles);
   }
   const Extents at = extents_at(eye_m, targets, angles, lens);
   Aim aim;
-  aim.vertical_fov_rad = zoom_for(at, lens, settings);
-  aim.fits = at.x.reach() <= half_x && at.y.reach() <= half_y;
-  aim.angles.yaw_rad = present.yaw_rad + beyond(std::remainder(angles.yaw_rad - present.yaw_rad, 2 * std::numbers::pi),
-                                                settings.dead_zone * half_x);
-  aim.angles.pitch_rad =
-      present.pitch_rad + beyond(angles.pitch_rad - present.pitch_rad, settings.dead_zone * half_y);
+  aim.vertical_fov_rad = zoom_for(at, lens, rules.framing);
+  aim.fits = at.x.reach() <= half_rad.x && at.y.reach() <= half_rad.y;
+  aim.off_half_pictures = glm::abs(glm::dvec2(std::remainder(angles.yaw_rad - present.yaw_rad, 2 * std::numbers::pi), angles.pitch_rad - present.pitch_rad)) / half_rad;
+  aim.angles = outside_dead_zone(present, angles, rules.dead_zone.value_or(glm::dvec2(rules.framing.dead_zone)) * half_rad);
+  if (aim.fits && rules.dead_zone) {
+    const Extents dead = extents_at(eye_m, targets, aim.angles, lens);
+    turn_along({dead.x.least_shift(half_rad.x), dead.y.least_shift(half_rad.y)}, keeps_yaw, aim.angles);
+  }
   return aim;
 }
 

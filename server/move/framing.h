@@ -22,8 +22,19 @@ inline Lens widest(Lens lens, const FramingSettings& settings) {
   return lens;
 }
 
+// How the picture is to be composed.
+struct AimRules {
+  FramingSettings framing;
+  std::optional<glm::dvec2> dead_zone = {};      // by axis, in halves of the picture; empty: FramingSettings::dead_zone for both
+  double roll_rad = 0.0;                         // of the aim
+  std::optional<double> fixed_yaw_rad = {};      // the yaw that the camera keeps, for views from above; the aim is by the pitch alone
+
+  AimRules(const FramingSettings& settings) : framing(settings) {}  // NOLINT: plain settings are rules
+};
+
 struct Aim {
   ViewAngles angles;
+  glm::dvec2 off_half_pictures{0.0};  // how far the present view is from the aim without a dead zone, by axis, in halves of the picture; >= 0
   double vertical_fov_rad = 0.0;  // what shows the group with the margin, within the zoom range
   bool fits = true;               // every required target is inside the picture
 };
@@ -31,10 +42,9 @@ struct Aim {
 // The aim from `eye_m`. It brings the steered targets as near as possible to their places in the picture, by weight; without any place, their
 // weighted mean to the middle. It is moved as little as needed so that the bodies of all required
 // targets are inside the picture, or their spheres where no body is known. When they do not fit, it is at their middle. `present` gives
-// the yaw of a vertical aim, and is returned for aims in the dead zone around it. At least one target must be steered.
-// `fixed_yaw_rad`: the yaw that the camera keeps, for views from above; the aim is by the pitch alone.
+// the yaw of a vertical aim, and is returned for aims in the dead zone around it, as far as the bodies are inside the picture then. At least one target must be steered.
 Aim aim_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& present,
-           const Lens& lens, const FramingSettings& settings, std::optional<double> fixed_yaw_rad = {});
+           const Lens& lens, const AimRules& rules);
 
 // How far the steered targets are from their places in a picture, by weight: right and up, in halves of the picture. Infinite if one that counts is behind the camera.
 glm::dvec2 off_place_half_pictures(const Pose& world_from_camera, std::span<const TrackedTarget> targets, const Lens& lens);

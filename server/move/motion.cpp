@@ -92,8 +92,12 @@ glm::dvec3 within_speed(const CameraState& camera, const glm::dvec3& wanted, con
   return fading + low * (wanted - fading);
 }
 
-double roll_after(double roll_rad, double most) {
-  return roll_rad - std::clamp(roll_rad, -most, most);
+// The rate of the roll towards that of the aim: at most `most_radps`, braking in time, and changed by at most `a` dt.
+double roll_rate_after(const TurnState& state, double aim_rad, double most_radps, double a, double response_s, double dt_s) {
+  const double error = wrap_angle(aim_rad - state.angles.roll_rad), size = std::abs(error);
+  double wanted = std::min(approach_speed(size, kBrakeShare * a, dt_s), most_radps);
+  if (response_s > 0) wanted = std::min(wanted, size * (1 - std::pow(0.01, dt_s / response_s)) / dt_s);
+  return std::clamp(error < 0 ? -wanted : wanted, state.roll_rate_radps - a * dt_s, state.roll_rate_radps + a * dt_s);
 }
 
 }  // namespace
@@ -195,8 +199,9 @@ TurnState turn_towards(const TurnState& state, const ViewAngles& aim, const Came
   next.pitch_rate_radps = rates.y;
   next.angles.yaw_rad = wrap_angle(state.angles.yaw_rad + rates.x * dt_s);
   next.angles.pitch_rad = state.angles.pitch_rad + rates.y * dt_s;
-  const double roll_rate = std::max(0.0, limits.max_angular_speed_radps - glm::length(rates));
-  next.angles.roll_rad = roll_after(state.angles.roll_rad, roll_rate * dt_s);
+  const double left_radps = std::max(0.0, limits.max_angular_speed_radps - glm::length(rates));
+  next.roll_rate_radps = roll_rate_after(state, aim.roll_rad, left_radps, limits.max_angular_acceleration_radps2, response_s, dt_s);
+  next.angles.roll_rad = wrap_angle(state.angles.roll_rad + next.roll_rate_radps * dt_s);
   return next;
 }
 

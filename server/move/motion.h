@@ -62,7 +62,7 @@ inline constexpr double kMaxPitchRad = 1.5707963267948966 - 1e-3;
 
 struct TurnState {
   ViewAngles angles;
-  double yaw_rate_radps = 0, pitch_rate_radps = 0;
+  double yaw_rate_radps = 0, pitch_rate_radps = 0, roll_rate_radps = 0;
 };
 
 // Turns towards the aim. The vector (yaw rate, pitch rate) stays within max_angular_speed, and its change within
@@ -72,8 +72,8 @@ struct TurnState {
 // It always brakes in time for the pole; the yaw gets the remaining acceleration. Only limits that are lowered during a turn
 // can make that impossible. Then the acceleration limit yields to the pole, and the speed limit to the acceleration limit.
 //
-// `response_s`: time to close 99 % of an error where the limits allow, seconds; 0 = as fast as they allow. A roll, which only the
-// start can bring, is undone with what is left of max_angular_speed; no acceleration limit holds for it.
+// `response_s`: time to close 99 % of an error where the limits allow, seconds; 0 = as fast as they allow. The roll approaches that of the aim with what is left
+// of max_angular_speed, and its rate changes within max_angular_acceleration by itself.
 TurnState turn_towards(const TurnState& state, const ViewAngles& aim, const CameraLimits& limits,
                        double response_s, double dt_s);
 

@@ -45,12 +45,16 @@ struct Places {
 struct InPicture {
   float right, up;
 };
-inline InPicture in_picture_of(float dx, float dy, float dz, float fx, float fy, float fz, float rx, float rz) {
+struct Lean {
+  float cosine, sine;  // of the camera's roll
+};
+inline InPicture in_picture_of(float dx, float dy, float dz, float fx, float fy, float fz, float rx, float rz, const Lean& lean) {
   const float depth = dx * fx + dy * fy + dz * fz;
   const float inverse = 1.0f / (depth > kShortest ? depth : kShortest);
   const float right = (dx * rx + dz * rz) * inverse, up = (-dx * rz * fy + dy * (rz * fx - rx * fz) + dz * rx * fy) * inverse;
   const auto limited = [](float tangent) { return tangent > kFarthest ? kFarthest : tangent < -kFarthest ? -kFarthest : tangent; };
-  return {depth > kShortest ? limited(right) : right < 0.0f ? -kFarthest : kFarthest, limited(up)};
+  const float level_right = depth > kShortest ? limited(right) : right < 0.0f ? -kFarthest : kFarthest, level_up = limited(up);
+  return {level_right * lean.cosine + level_up * lean.sine, level_up * lean.cosine - level_right * lean.sine};
 }
 
 // The extents of the targets in the pictures, by place.
@@ -67,27 +71,30 @@ struct Axis {
 struct Rectangle {
   float left, right, low, high;
 };
-inline Rectangle rectangle_of(const Axis& body, float x, float y, float z, float fx, float fy, float fz, float rx, float rz) {
+inline Rectangle rectangle_of(const Axis& body, float x, float y, float z, float fx, float fy, float fz, float rx, float rz, const Lean& lean) {
   const float dx = body.x_m - x, dz = body.z_m - z, low_m = body.low_m - y, high_m = body.high_m - y;
-  const InPicture low = in_picture_of(dx, low_m, dz, fx, fy, fz, rx, rz), high = in_picture_of(dx, high_m, dz, fx, fy, fz, rx, rz);
+  const InPicture low = in_picture_of(dx, low_m, dz, fx, fy, fz, rx, rz, lean), high = in_picture_of(dx, high_m, dz, fx, fy, fz, rx, rz, lean);
   const float level = dx * fx + dz * fz, low_depth = level + low_m * fy, high_depth = level + high_m * fy;
   const float depth = low_depth < high_depth ? low_depth : high_depth;
   const float aside = body.aside_m / (depth > kNearestM ? depth : kNearestM), slope = fy < 0 ? -fy : fy;
   const float left = low.right < high.right ? low.right : high.right, right = low.right < high.right ? high.right : low.right;
   const float down = low.up < high.up ? low.up : high.up, up = low.up < high.up ? high.up : low.up;
-  return {left - aside, right + aside, down - slope * aside, up + slope * aside};
+  const float steep = lean.sine < 0 ? -lean.sine : lean.sine;
+  const float across = (lean.cosine + slope * steep) * aside, along = (slope * lean.cosine + steep) * aside;
+  return {left - across, right + across, down - along, up + along};
 }
 
 SIGHTLINE_VECTOR_CLONES
-void include(const Places& places, size_t count, const Axis& axis, const Extents& extents) {
+void include(const Places& places, size_t count, const Axis& axis, const Lean& leans, const Extents& extents) {
   const Axis body = axis;
+  const Lean lean = leans;
   const float *__restrict x = places.x_m, *__restrict y = places.y_m, *__restrict z = places.z_m;
   const float *__restrict fx = places.forward_x, *__restrict fy = places.forward_y, *__restrict fz = places.forward_z;
   const float *__restrict rx = places.right_x, *__restrict rz = places.right_z;
   float *__restrict least_right = extents.least_right, *__restrict most_right = extents.most_right, *__restrict least_up = extents.least_up,
                     *__restrict most_up = extents.most_up;
   for (size_t i = 0; i < count; ++i) {
-    const Rectangle at = rectangle_of(body, x[i], y[i], z[i], fx[i], fy[i], fz[i], rx[i], rz[i]);
+    const Rectangle at = rectangle_of(body, x[i], y[i], z[i], fx[i], fy[i], fz[i], rx[i], rz[i], lean);
     least_right[i] = at.left < least_right[i] ? at.left : least_right[i];
     most_right[i] = at.right > most_right[i] ? at.right : most_right[i];
     least_up[i] = at.low < least_up[i] ? at.low : least_up[i];
@@ -97,10 +104,12 @@ void include(const Places& places, size_t count, const Axis& axis, const Extents
 
 // Turns the cameras to the middle of what they should show.
 SIGHTLINE_VECTOR_CLONES
-void turn_to_middle(const Extents& extents, size_t count, float* __restrict forward_x, float* __restrict forward_y, float* __restrict forward_z,
+void turn_to_middle(const Extents& extents, const Lean& leans, size_t count, float* __restrict forward_x, float* __restrict forward_y, float* __restrict forward_z,
                     const float* __restrict right_x, const float* __restrict right_z) {
+  const Lean lean = leans;
   for (size_t i = 0; i < count; ++i) {
-    const float right = (extents.least_right[i] + extents.most_right[i]) / 2, up = (extents.least_up[i] + extents.most_up[i]) / 2;
+    const float across = (extents.least_right[i] + extents.most_right[i]) / 2, along = (extents.least_up[i] + extents.most_up[i]) / 2;
+    const float right = across * lean.cosine - along * lean.sine, up = across * lean.sine + along * lean.cosine;
     const float x = forward_x[i], y = forward_y[i], z = forward_z[i], rx = right_x[i], rz = right_z[i];
     forward_x[i] = x + right * rx - up * rz * y;
     forward_y[i] = y + up * (rz * x - rx * z);
@@ -117,13 +126,14 @@ inline float share_within(float low, float high, float edge) {
 
 // Adds the weight of a body as far as it is outside. `side` and `top` are the tangents of half the picture.
 SIGHTLINE_VECTOR_CLONES
-void add_outside(const Places& places, size_t count, const Axis& axis, float side, float top, float weight, float* __restrict out) {
+void add_outside(const Places& places, size_t count, const Axis& axis, const Lean& leans, float side, float top, float weight, float* __restrict out) {
   const Axis body = axis;
+  const Lean lean = leans;
   const float *__restrict x = places.x_m, *__restrict y = places.y_m, *__restrict z = places.z_m;
   const float *__restrict fx = places.forward_x, *__restrict fy = places.forward_y, *__restrict fz = places.forward_z;
   const float *__restrict rx = places.right_x, *__restrict rz = places.right_z;
   for (size_t i = 0; i < count; ++i) {
-    const Rectangle at = rectangle_of(body, x[i], y[i], z[i], fx[i], fy[i], fz[i], rx[i], rz[i]);
+    const Rectangle at = rectangle_of(body, x[i], y[i], z[i], fx[i], fy[i], fz[i], rx[i], rz[i], lean);
     const float inside = share_within(at.left, at.right, side) * share_within(at.low, at.high, top);
     out[i] += weight * (1.0f - (inside < 1.0f ? inside : 1.0f));
   }
@@ -140,7 +150,7 @@ void PictureFit::set_places(std::span<const glm::dvec3> position_m) {
   }
 }
 
-void PictureFit::outside_share(std::span<const Body> bodies, const Lens& lens, double margin, std::span<float> share) {
+void PictureFit::outside_share(std::span<const Body> bodies, const Lens& lens, double margin, double roll_rad, std::span<float> share) {
   std::fill(share.begin(), share.end(), 0.0f);
   double all = 0;
   for (const Body& body : bodies) all += body.weight;
@@ -164,13 +174,14 @@ void PictureFit::outside_share(std::span<const Body> bodies, const Lens& lens, d
                       right_z_.data()};
   const auto look = [&] { look_without_roll(count, forward_x_.data(), forward_y_.data(), forward_z_.data(), right_x_.data(), right_z_.data()); };
   look();
+  const Lean lean{static_cast<float>(std::cos(roll_rad)), static_cast<float>(std::sin(roll_rad))};
   const Extents extents{least_right_.data(), most_right_.data(), least_up_.data(), most_up_.data()};
-  for_each_body([&](const Axis& axis, float) { include(places, count, axis, extents); });
-  turn_to_middle(extents, count, forward_x_.data(), forward_y_.data(), forward_z_.data(), right_x_.data(), right_z_.data());
+  for_each_body([&](const Axis& axis, float) { include(places, count, axis, lean, extents); });
+  turn_to_middle(extents, lean, count, forward_x_.data(), forward_y_.data(), forward_z_.data(), right_x_.data(), right_z_.data());
   look();
   const double top = (1 - margin) * std::tan(lens.vertical_fov_rad / 2);
   for_each_body([&](const Axis& axis, float weight) {
-    add_outside(places, count, axis, static_cast<float>(top * lens.aspect), static_cast<float>(top), weight, share.data());
+    add_outside(places, count, axis, lean, static_cast<float>(top * lens.aspect), static_cast<float>(top), weight, share.data());
   });
 }
 

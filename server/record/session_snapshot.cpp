@@ -103,6 +103,7 @@ void SessionSnapshot::apply_oldest() {
 void SessionSnapshot::apply(const v1::Tick& tick, const TickStamp& stamp) {
   // A session refuses such a tick; its rejection was lost.
   if (ticks_ > 0 && tick.sequence() <= sequence_) return;
+  if (tick.has_world_shift()) shift_world({tick.world_shift().x(), tick.world_shift().y(), tick.world_shift().z()});
   if (tick.has_delta()) ++deltas_, apply_delta(tick.delta());
   apply_transforms(tick.transforms(), is_paused(tick));
   apply_terms(tick);
@@ -110,6 +111,21 @@ void SessionSnapshot::apply(const v1::Tick& tick, const TickStamp& stamp) {
   sequence_ = tick.sequence();
   time_s_ = tick.time_s();
   stamp_ = stamp;
+}
+
+// Nodes and instances of the opening that have not moved since are shifted by the session that the tick opens.
+void SessionSnapshot::shift_world(const std::array<double, 3>& shift) {
+  const auto move = [&](v1::Pose3& pose) {
+    const v1::Vec3& p = pose.position();
+    set_position(pose, {p.x() + shift[0], p.y() + shift[1], p.z() + shift[2]});
+  };
+  for (size_t axis = 0; axis < 3; ++axis) shift_[axis] += shift[axis];
+  for (auto& [id, instance] : instances_) {
+    if (instance.moved)
+      for (size_t axis = 0; axis < 3; ++axis) instance.position[axis] += shift[axis];
+    if (instance.added) move(*instance.given->mutable_pose());
+  }
+  if (camera_) move(*camera_->mutable_pose());
 }
 
 // As in Session::step_length_s: the tick's step is too short to count as time.
@@ -159,6 +175,7 @@ void SessionSnapshot::apply_transforms(const v1::Transforms& wire, bool paused) 
   if (wire.positions_size() != 3 * n) return;
   const bool has_rotations = n > 0 && wire.rotations_size() == 4 * n;
   const bool has_velocities = n > 0 && wire.velocities_size() == 3 * n;
+  const bool has_turns = n > 0 && wire.angular_velocities_size() == 3 * n;
   for (int i = 0; i < n; ++i) {
     Instance* instance = find(wire.ids(i));
     if (instance == nullptr) continue;
@@ -166,6 +183,8 @@ void SessionSnapshot::apply_transforms(const v1::Transforms& wire, bool paused) 
     take(wire.positions(), i, instance->position);
     if (has_rotations) take(wire.rotations(), i, instance->rotation);
     if (has_velocities) take(wire.velocities(), i, instance->velocity);
+    instance->angular_velocity = {};
+    if (has_turns) take(wire.angular_velocities(), i, instance->angular_velocity);
     instance->turned |= has_rotations;
     // While the session is paused, an instance that did not move keeps its velocity: see Session.
     const bool keeps = paused && instance->moved && before == instance->position;
@@ -190,10 +209,15 @@ v1::Tick SessionSnapshot::tick() const {
   v1::Tick out;
   out.set_sequence(sequence_);
   out.set_time_s(time_s_);
+  if (shift_ != std::array<double, 3>{}) {
+    v1::Vec3& shift = *out.mutable_world_shift();
+    shift.set_x(shift_[0]), shift.set_y(shift_[1]), shift.set_z(shift_[2]);
+  }
   // Rotations and velocities are sent for all moved instances or for none. The rotation of an added instance is in its pose.
-  bool any_rotation = false, any_velocity = false;
+  bool any_rotation = false, any_velocity = false, any_turn = false;
   for (const auto& [id, instance] : instances_) {
     any_rotation |= instance.turned && !instance.added;
+    any_turn |= instance.angular_velocity != std::array<float, 3>{};
     any_velocity |= instance.has_velocity && instance.velocity != std::array<float, 3>{};
   }
   for (const auto& [id, instance] : instances_) {
@@ -216,6 +240,7 @@ v1::Tick SessionSnapshot::tick() const {
     if (any_rotation) put(*moved.mutable_rotations(), instance.rotation);
     if (any_velocity)
       put(*moved.mutable_velocities(), instance.has_velocity ? instance.velocity : std::array<float, 3>{});
+    if (any_turn) put(*moved.mutable_angular_velocities(), instance.angular_velocity);
   }
   add_targets(out);
   if (lens_) *out.mutable_lens() = *lens_;

@@ -78,7 +78,7 @@ class SessionSnapshot {
     bool has_velocity = false;                  // sent with the newest tick that moved it
     std::array<double, 3> position{};           // valid when `moved`
     std::array<float, 4> rotation{0, 0, 0, 1};  // x y z w; until `turned` as in `given`
-    std::array<float, 3> velocity{};
+    std::array<float, 3> velocity{}, angular_velocity{};  // angular: zero unless it was sent with the newest tick that moved it
     std::unique_ptr<v1::NewInstance> given;      // as it was opened or added; null: a node of the scene file
     std::unique_ptr<v1::Attributes> attributes;  // the newest change
 
@@ -104,6 +104,7 @@ class SessionSnapshot {
 
   // By the client's id. Includes instances that are not there any more, and of the scene file's nodes those that were named.
   const std::map<uint64_t, Instance>& instances() const { return instances_; }
+  const std::array<double, 3>& shift() const { return shift_; }  // of the client's world since the opening, client units
   uint64_t deltas() const { return deltas_; }  // ticks with a scene delta that count
   const std::optional<v1::Lens>& lens() const { return lens_; }
   // As the newest tick that had a list; empty: as the opening says.
@@ -111,6 +112,7 @@ class SessionSnapshot {
 
  private:
   void apply(const v1::Tick& tick, const TickStamp& stamp);
+  void shift_world(const std::array<double, 3>& shift);
   void apply_delta(const v1::SceneDelta& delta);
   void apply_transforms(const v1::Transforms& wire, bool paused);
   void apply_terms(const v1::Tick& tick);
@@ -128,6 +130,7 @@ class SessionSnapshot {
   std::optional<tuning::v1alpha1::Tuning> tuning_;
   std::optional<v1::CameraLimits> limits_;
   std::optional<v1::ObservedCamera> camera_;
+  std::array<double, 3> shift_{};  // of the client's world since the opening, client units
   uint64_t ticks_ = 0, deltas_ = 0;
   uint64_t sequence_ = 0;  // of the newest tick that counts
   double time_s_ = 0.0;

@@ -251,6 +251,12 @@ void ViewerChannels::for_each_shown(Visit visit) const {
   }
 }
 
+// The viewer's world stays where the client's was at the opening.
+void ViewerChannels::follow_shift() {
+  const auto& shift = session_.shift();
+  client_.origin_m = vector_from_client(client_, {shift[0], shift[1], shift[2]});
+}
+
 // In the viewer's world. A node that was moved but never turned keeps its rotation of the file.
 Pose ViewerChannels::place_of(uint64_t id, const SessionSnapshot::Instance& instance) const {
   const auto node = level_ && !instance.given ? level_->nodes.find(id) : std::map<uint64_t, LevelNode>::const_iterator();
@@ -260,7 +266,9 @@ Pose ViewerChannels::place_of(uint64_t id, const SessionSnapshot::Instance& inst
   if (instance.moved) pose.position_m = {instance.position[0], instance.position[1], instance.position[2]};
   const auto& r = instance.rotation;
   if (instance.turned) pose.rotation = glm::normalize(glm::dquat(r[3], r[0], r[1], r[2]));
-  Pose place = to_viewer(pose_from_client(client_, pose));
+  Convention then = client_;
+  if (!instance.moved && !instance.added) then.origin_m = glm::dvec3(0.0);  // told before the world was shifted
+  Pose place = to_viewer(pose_from_client(then, pose));
   if (of_level && !instance.turned) place.rotation = node->second.rest.rotation;
   return place;
 }
@@ -320,6 +328,7 @@ bool ViewerChannels::was_removed(uint64_t id) const {
 }
 
 void ViewerChannels::emit_still(uint64_t time_ns, const Emit& emit) {
+  follow_shift();
   shown_deltas_ = session_.deltas();
   foxglove::FrameTransforms frames;
   // The viewer's camera looks along +X; the frame of a picture looks along +Z, with +Y down.
@@ -367,6 +376,7 @@ void ViewerChannels::emit_removed(uint64_t time_ns, const Emit& emit) const {
 }
 
 void ViewerChannels::take_reply(const v1::CameraReply& reply, uint64_t time_ns, const Emit& emit) {
+  follow_shift();
   if (session_.lens()) take_lens(*session_.lens());
   if (session_.deltas() != shown_deltas_) emit_still(time_ns, emit);
   const Pose camera = camera_to_client(ros_convention(), camera_from_client(client_, pose_of(reply.pose())));

@@ -55,6 +55,7 @@ class ViewerChannels {
   bool is_at_rest(uint64_t id) const;
   void emit_removed(uint64_t time_ns, const Emit& emit) const;
   void take_lens(const v1::Lens& wire);
+  void follow_shift();
   void emit_frames(const Pose& camera, uint64_t time_ns, const Emit& emit) const;
   void emit_sight(const v1::CameraReply& reply, const Pose& camera, uint64_t time_ns, const Emit& emit) const;
   void emit_calibration(const v1::CameraReply& reply, uint64_t time_ns, const Emit& emit) const;

@@ -38,7 +38,7 @@ void EmbreeMovers::Centers::place(const SceneMirror& mirror, std::span<const uin
   z.resize(slots.size());
   for (size_t i = 0; i < slots.size(); ++i) {
     const Instance& instance = mirror.instances()[slots[i]];
-    const glm::dvec3 center = instance.center_m + travel_m(instance, ahead_s) - anchor_m;
+    const glm::dvec3 center = center_ahead_m(instance, ahead_s) - anchor_m;
     x[i] = static_cast<float>(center.x);
     y[i] = static_cast<float>(center.y);
     z[i] = static_cast<float>(center.z);
@@ -124,7 +124,7 @@ void EmbreeMovers::find(const SceneMirror& mirror, const MapRequest& request, co
     NearMover& mover = near.emplace_back();
     mover.slot = slots_[i];
     mover.bottom = bottoms_[i].get();
-    mover.center_from_eye_m = glm::vec3(instance.center_m + travel_m(instance, request.ahead_s) - eye_m);
+    mover.center_from_eye_m = glm::vec3(center_ahead_m(instance, request.ahead_s) - eye_m);
     const float distance_m = glm::length(mover.center_from_eye_m);
     mover.radius_m = radius_m_[i] + kRounding * (radius_m_[i] + distance_m);
     mover.nearest_m = distance_m - mover.radius_m;

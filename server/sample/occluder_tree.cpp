@@ -22,12 +22,17 @@ void grow(Aabb& box, const glm::dvec3& center_m, double radius_m) {
             rounded_up(center_m.z + radius_m)});
 }
 
-// A request looks either at now or at `ahead_s`: the box holds both.
+// A request looks at now, at `ahead_s`, or at a time between: the box holds them all. What turns goes round its own origin.
 void gather(const Instance& instance, uint32_t slot, double ahead_s, std::vector<Occluder>& into) {
   if (!instance.geometry || !instance.occludes() || instance.geometry->occluding_index_count == 0) return;
   Occluder occluder{.bounds = {}, .slot = slot, .layers = instance.attributes.layers};
   grow(occluder.bounds, instance.center_m, instance.radius_m);
-  if (ahead_s > 0) grow(occluder.bounds, instance.center_m + travel_m(instance, ahead_s), instance.radius_m);
+  if (ahead_s > 0) grow(occluder.bounds, center_ahead_m(instance, ahead_s), instance.radius_m);
+  if (ahead_s > 0 && turns(instance)) {
+    const glm::dvec3 origin_m = instance.world_from_instance[3];
+    const double reach_m = instance.radius_m + glm::distance(instance.center_m, origin_m);
+    for (const double time_s : {0.0, ahead_s}) grow(occluder.bounds, origin_m + travel_m(instance, time_s), reach_m);
+  }
   into.push_back(occluder);
 }
 

@@ -199,7 +199,7 @@ void ClearanceField::add_if_near(const SceneMirror& mirror, uint32_t slot, const
                                  std::vector<Collider>& into) {
   const Instance& instance = mirror.instances()[slot];
   if (!instance.geometry || !instance.collides()) return;
-  const glm::dvec3 center = instance.center_m + travel_m(instance, ahead_s);
+  const glm::dvec3 center = center_ahead_m(instance, ahead_s);
   const double reach = reach_m + instance.radius_m;
   if (glm::dot(center - center_m, center - center_m) > reach * reach) return;
   if (std::binary_search(ignored_slots.begin(), ignored_slots.end(), slot)) return;

@@ -82,6 +82,12 @@ uint64_t hash_record(const Instance& instance) {
   return hash64_bytes(std::as_bytes(std::span(record)));
 }
 
+// The turn in the world after `ahead_s`, of an instance that turns.
+glm::dquat turn_of(const Instance& instance, double ahead_s) {
+  const double rate_radps = glm::length(instance.angular_velocity_radps);
+  return glm::angleAxis(rate_radps * ahead_s, instance.angular_velocity_radps / rate_radps);
+}
+
 }  // namespace
 
 bool is_valid_linear(const glm::dmat3& linear) {
@@ -114,10 +120,26 @@ glm::dvec3 travel_m(const Instance& instance, double ahead_s) {
   return instance.moving ? instance.velocity_mps * ahead_s : glm::dvec3(0.0);
 }
 
+bool turns(const Instance& instance) {
+  constexpr double kSlowestRadps = 1e-6;  // slower, no prediction turns it by anything that counts
+  return instance.moving && glm::length(instance.angular_velocity_radps) > kSlowestRadps;
+}
+
 Affine world_from_instance_ahead(const Instance& instance, double ahead_s) {
   Affine placed = instance.world_from_instance;
+  if (turns(instance)) {
+    const glm::dmat3 turned = glm::mat3_cast(turn_of(instance, ahead_s));
+    for (int column = 0; column < 3; ++column) placed[column] = turned * placed[column];
+  }
   placed[3] += travel_m(instance, ahead_s);
   return placed;
+}
+
+glm::dvec3 center_ahead_m(const Instance& instance, double ahead_s) {
+  const glm::dvec3 travelled_m = instance.center_m + travel_m(instance, ahead_s);
+  if (!turns(instance)) return travelled_m;
+  const glm::dvec3 from_origin_m = instance.center_m - instance.world_from_instance[3];
+  return travelled_m + (turn_of(instance, ahead_s) * from_origin_m - from_origin_m);
 }
 
 SceneMirror::SceneMirror() : identity_(next_identity()) {}
@@ -129,9 +151,7 @@ Status SceneMirror::apply(const SceneDelta& delta, const TransformUpdate& transf
     ++revision_;
   }
   for (size_t i = 0; i < transforms.ids.size(); ++i)
-    move(slot_by_id_.find(transforms.ids[i])->second, transforms.poses[i],
-         transforms.velocities_mps.empty() ? nullptr : &transforms.velocities_mps[i],
-         transforms.corrections_m.empty() ? glm::dvec3(0.0) : transforms.corrections_m[i]);
+    move(slot_by_id_.find(transforms.ids[i])->second, transforms, i);
   if (moving_slots_untidy_) tidy_moving_slots();
   if (!delta.empty() || !transforms.ids.empty()) ++version_;
   return {};
@@ -198,10 +218,11 @@ Status SceneMirror::check_add(const NewInstance& instance, const std::string& fi
 }
 
 Status SceneMirror::check_transforms(const TransformUpdate& transforms, Pending& pending) {
-  const auto& [ids, poses, velocities, corrections] = transforms;
+  const auto& [ids, poses, velocities, turns, corrections] = transforms;
   if (poses.size() != ids.size()) return invalid("poses", "must be as many as ids");
   if (!velocities.empty() && velocities.size() != ids.size())
     return invalid("velocities_mps", "must be none or as many as ids");
+  if (!turns.empty() && turns.size() != ids.size()) return invalid("angular_velocities_radps", "must be none or as many as ids");
   if (!corrections.empty() && corrections.size() != ids.size()) return invalid("corrections_m", "must be none or as many as ids");
   ++message_;
   for (size_t i = 0; i < ids.size(); ++i) {
@@ -217,6 +238,7 @@ Status SceneMirror::check_transforms(const TransformUpdate& transforms, Pending&
       return check_pose(poses[i], indexed("poses", i));
     if (!velocities.empty() && !is_finite(velocities[i]))
       return invalid(indexed("velocities_mps", i), "must be finite");
+    if (!turns.empty() && !is_finite(turns[i])) return invalid(indexed("angular_velocities_radps", i), "must be finite");
   }
   return {};
 }
@@ -284,11 +306,12 @@ void SceneMirror::change(const AttributeChange& change) {
   touch(instance);
 }
 
-void SceneMirror::move(uint32_t slot, const Pose& pose, const glm::dvec3* velocity_mps, const glm::dvec3& correction_m) {
+void SceneMirror::move(uint32_t slot, const TransformUpdate& transforms, size_t i) {
   Instance& instance = slots_[slot];
-  instance.correction_m = correction_m;
-  instance.pose = {pose.position_m, glm::normalize(pose.rotation)};
-  if (velocity_mps) instance.velocity_mps = *velocity_mps;
+  instance.correction_m = transforms.corrections_m.empty() ? glm::dvec3(0.0) : transforms.corrections_m[i];
+  instance.pose = {transforms.poses[i].position_m, glm::normalize(transforms.poses[i].rotation)};
+  if (!transforms.velocities_mps.empty()) instance.velocity_mps = transforms.velocities_mps[i];
+  if (!transforms.angular_velocities_radps.empty()) instance.angular_velocity_radps = transforms.angular_velocities_radps[i];
   place(slot);
   if (instance.moving) return;
   touch(instance);  // it leaves the static set ...

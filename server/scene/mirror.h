@@ -42,6 +42,7 @@ struct Instance {
   glm::dmat3 linear{1.0};  // applied before the pose: scale, or any linear map of an asset node
   Affine world_from_instance = identity_affine();
   glm::dvec3 velocity_mps{0.0};  // the last value that was given; zero before the first
+  glm::dvec3 angular_velocity_radps{0.0};  // the same, about the origin of the instance; world axes
   glm::dvec3 center_m{0.0};      // bounding sphere in the world
   double radius_m = 0.0;
   InstanceAttributes attributes;
@@ -57,8 +58,12 @@ struct Instance {
 Pose believed_pose(const Instance& instance);
 // The displacement of a moving instance after `ahead_s` seconds at its velocity; zero for a static one.
 glm::dvec3 travel_m(const Instance& instance, double ahead_s);
-// world_from_instance displaced by travel_m.
+// True for a moving instance that turns by itself.
+bool turns(const Instance& instance);
+// world_from_instance of a moving instance displaced by travel_m, and turned by its angular velocity about its own origin.
 Affine world_from_instance_ahead(const Instance& instance, double ahead_s);
+// The centre of its bounding sphere then.
+glm::dvec3 center_ahead_m(const Instance& instance, double ahead_s);
 
 // An instance to be added. Requirements (otherwise kInvalidArgument with the field): geometry is not null; the pose is finite, with each
 // coordinate within kMaxCoordinateM and |rotation| within 1e-3 of 1 (the mirror normalises it); is_valid_linear(linear), and with it the
@@ -94,12 +99,13 @@ struct SceneDelta {
   bool empty() const { return remove.empty() && add.empty() && change.empty(); }
 };
 
-// Poses of instances at one tick, as parallel arrays. Poses follow the rules of NewInstance. `velocities_mps` is empty (velocities stay
-// as they were) or as long as `ids`. So is `corrections_m`; without it there are none. No id may occur twice.
+// Poses of instances at one tick, as parallel arrays. Poses follow the rules of NewInstance. `velocities_mps` and `angular_velocities_radps` are
+// empty (they stay as they were) or as long as `ids`. So is `corrections_m`; without it there are none. No id may occur twice.
 struct TransformUpdate {
   std::vector<uint64_t> ids;
   std::vector<Pose> poses;
   std::vector<glm::dvec3> velocities_mps;
+  std::vector<glm::dvec3> angular_velocities_radps;
   std::vector<glm::dvec3> corrections_m;
 };
 
@@ -117,8 +123,8 @@ class SceneMirror {
   //   "add[i].geometry", ".pose.position_m", ".pose.rotation", ".linear" and ".attributes.opacity",
   //   "change[i].attributes.opacity"           kInvalidArgument
   //   "add"                                    kResourceExhausted: more than kMaxInstances
-  //   "poses", "velocities_mps" and "corrections_m" (lengths), "poses[i].position_m", "poses[i].rotation", "velocities_mps[i]"
-  //                                            kInvalidArgument
+  //   "poses", "velocities_mps", "angular_velocities_radps" and "corrections_m" (lengths), "poses[i].position_m", "poses[i].rotation",
+  //   "velocities_mps[i]", "angular_velocities_radps[i]"  kInvalidArgument
   // A transform may name an instance that this delta adds, or a hidden one. An instance becomes `moving` with its first transform. With
   // an empty delta and only moving instances the cost is O(transforms) without allocation.
   Status apply(const SceneDelta& delta, const TransformUpdate& transforms);
@@ -157,7 +163,7 @@ class SceneMirror {
   void remove(uint64_t id);
   void add(const NewInstance& instance);
   void change(const AttributeChange& change);
-  void move(uint32_t slot, const Pose& pose, const glm::dvec3* velocity_mps, const glm::dvec3& correction_m);
+  void move(uint32_t slot, const TransformUpdate& transforms, size_t i);
   void touch(const Instance& instance);
   void place(uint32_t slot);  // updates bounds and hash after a change of the transform
   void refresh_hash(uint32_t slot);

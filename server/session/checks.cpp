@@ -15,7 +15,6 @@ namespace {
 constexpr double kMinWeight = 1e-6, kMaxWeight = 1e6;
 constexpr double kMinNearM = 1e-6, kMaxNearM = 10.0;
 constexpr double kUnitTolerance = 1e-3;
-constexpr double kMinFovRad = 0.01, kMaxFovRad = 3.0;
 
 std::string number(double value) {
   char text[32];
@@ -153,10 +152,12 @@ std::string client_field(const std::string& mirror_field) {
   };
   if (mirror_field.starts_with("ids[")) return packed("ids", 1);
   if (mirror_field.starts_with("velocities_mps[")) return packed("velocities", 3);
+  if (mirror_field.starts_with("angular_velocities_radps[")) return packed("angular_velocities", 3);
   if (mirror_field.starts_with("poses["))
     return mirror_field.ends_with("rotation") ? packed("rotations", 4) : packed("positions", 3);
   if (mirror_field == "poses") return "transforms.positions";
   if (mirror_field == "velocities_mps") return "transforms.velocities";
+  if (mirror_field == "angular_velocities_radps") return "transforms.angular_velocities";
   std::string field = "delta." + mirror_field;
   for (const auto& [mirror, client] : {std::pair("delta.remove[", "delta.removed_ids["),
                                        std::pair("delta.add[", "delta.added_instances["),

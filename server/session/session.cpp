@@ -21,10 +21,11 @@ tl::unexpected<Error> below(const std::string& prefix, Error error) {
   return tl::unexpected(std::move(error));
 }
 
-// The widest of the lens and its zoom. The body must contain the corners of its near plane.
-Lens lens_for_body(const Lens& lens, const FramingSettings& framing) {
+// The widest of the lens, its zoom and the lens range of the shot. The body must contain the corners of its near plane.
+Lens lens_for_body(const Lens& lens, const FramingSettings& framing, const AskedShot& shot) {
   Lens wide = lens;
   if (zooms(framing)) wide.vertical_fov_rad = std::max(lens.vertical_fov_rad, framing.max_vertical_fov_rad);
+  wide.vertical_fov_rad = std::max(wide.vertical_fov_rad, shot.max_vertical_fov_rad);
   return wide;
 }
 
@@ -33,7 +34,7 @@ Status check_options(const SessionOptions& options) {
   if (Status ok = check_pose(options.camera, "open.camera"); !ok) return ok;
   if (Status ok = check_lens(options.lens, "open.lens"); !ok) return ok;
   if (Status ok = validate(options.settings); !ok) return below("open.", ok.error());
-  if (Status ok = validate(options.limits, lens_for_body(options.lens, options.settings.framing)); !ok)
+  if (Status ok = validate(options.limits, lens_for_body(options.lens, options.settings.framing, options.shot)); !ok)
     return below("open.limits.", ok.error());
   if (options.label.size() > kMaxLabelBytes)
     return invalid("open.label", "at most 64 bytes, got " + std::to_string(options.label.size()));
@@ -152,6 +153,8 @@ Status Session::check(const TickInput& tick, const IdsAfter& ids) const {
             check_speed(tick.transforms.velocities_mps[i], indexed("tick.transforms.velocities", 3 * i));
         !ok)
       return ok;
+  for (size_t i = 0; i < tick.transforms.angular_velocities_radps.size(); ++i)
+    if (Status ok = check_turn(tick.transforms.angular_velocities_radps[i], indexed("tick.transforms.angular_velocities", 3 * i)); !ok) return ok;
   if (tick.targets) return check_targets(*tick.targets, ids, "tick.targets.targets");
   for (size_t i = 0; i < tick.delta.remove.size(); ++i) {
     const uint64_t id = tick.delta.remove[i];
@@ -185,17 +188,17 @@ Status Session::check_camera(const TickInput& tick) const {
   return check_terms(tick);
 }
 
-// Checks lens, settings and limits by themselves and in combination with the session's present values.
+// Checks lens, shot, settings and limits by themselves and in combination with the session's present values.
 Status Session::check_terms(const TickInput& tick) const {
-  if (!tick.lens && !tick.settings && !tick.limits) return {};
+  if (!tick.lens && !tick.settings && !tick.limits && !tick.shot) return {};
   const Lens& lens = tick.lens ? *tick.lens : options_.lens;
   const StepSettings& settings = tick.settings ? *tick.settings : options_.settings;
   if (Status ok = check_lens(lens, "tick.lens"); !ok) return ok;
   if (Status ok = validate(settings); !ok) return below("tick.", ok.error());
-  const Status ok = validate(tick.limits ? *tick.limits : options_.limits, lens_for_body(lens, settings.framing));
+  const Status ok = validate(tick.limits ? *tick.limits : options_.limits, lens_for_body(lens, settings.framing, tick.shot ? *tick.shot : options_.shot));
   if (ok) return {};
   if (tick.limits) return below("tick.limits.", ok.error());
-  return invalid(tick.lens ? "tick.lens" : "tick.settings.max_vertical_fov_rad",
+  return invalid(tick.lens ? "tick.lens" : tick.settings ? "tick.settings.max_vertical_fov_rad" : "tick.shot.max_field_of_view",
                  "does not go with the session's limits." + ok.error().field + ": " + ok.error().message);
 }
 
@@ -207,46 +210,60 @@ double Session::step_length_s(const TickInput& tick) const {
 
 // Fills update_ for the mirror: the tick's transforms, completed by kept rotations, derived velocities and corrections of held and noisy positions.
 void Session::fill_update(const TickInput& tick, const IdsAfter& ids) {
-  const bool derives = tick.transforms.velocities_mps.empty();
-  update_.ids = tick.transforms.ids;
-  update_.poses = tick.transforms.poses;
-  update_.velocities_mps.clear(), update_.corrections_m.clear();
+  const TransformUpdate& sent = tick.transforms;
+  const bool derives = sent.velocities_mps.empty(), derives_turns = sent.angular_velocities_radps.empty();
+  update_.ids = sent.ids;
+  update_.poses = sent.poses;
+  update_.velocities_mps.clear(), update_.angular_velocities_radps.clear(), update_.corrections_m.clear();
   new_tracks_.clear();
-  if (tick.transforms.poses.size() != tick.transforms.ids.size() || (!derives && tick.transforms.velocities_mps.size() != tick.transforms.ids.size())) {
-    update_.velocities_mps = tick.transforms.velocities_mps;
+  const auto counts = [&](size_t numbers) { return numbers == sent.ids.size(); };
+  if (!counts(sent.poses.size()) || !(derives || counts(sent.velocities_mps.size())) || !(derives_turns || counts(sent.angular_velocities_radps.size()))) {
+    update_.velocities_mps = sent.velocities_mps, update_.angular_velocities_radps = sent.angular_velocities_radps;
     return;  // the mirror returns the error
   }
   const double dt_s = step_length_s(tick);
-  for (size_t i = 0; i < update_.ids.size(); ++i) {
-    const Instance* before = ids.staying(update_.ids[i]);
+  for (size_t i = 0; i < sent.ids.size(); ++i) {
+    const Instance* before = ids.staying(sent.ids[i]);
     if (tick.keeps_rotations) {
-      const NewInstance* added = ids.added(update_.ids[i]);
+      const NewInstance* added = ids.added(sent.ids[i]);
       update_.poses[i].rotation = added    ? added->pose.rotation
                                   : before ? before->pose.rotation
                                            : Pose{}.rotation;
     }
-    const glm::dvec3* sent_mps = derives ? nullptr : &tick.transforms.velocities_mps[i];
-    const MotionEstimate now = estimate(update_.ids[i], before, update_.poses[i].position_m, sent_mps, dt_s);
-    update_.velocities_mps.push_back(now.velocity_mps);
-    update_.corrections_m.push_back(now.correction_m);
+    add_motion(sent.ids[i], before, update_.poses[i],
+               {derives ? nullptr : &sent.velocities_mps[i], derives_turns ? nullptr : &sent.angular_velocities_radps[i]}, dt_s);
   }
   if (!derives || dt_s > 0) add_unnamed(ids, dt_s);
 }
 
-MotionTrack Session::track_of(uint64_t id, const Instance* before, const glm::dvec3& now_m) const {
-  if (!before) return MotionTrack(now_m);
+Session::Track Session::track_of(uint64_t id, const Instance* before, const glm::dvec3& now_m) const {
+  if (!before) return {MotionTrack(now_m), {}};
   const auto known = tracks_.find(id);
-  return known != tracks_.end() ? known->second : MotionTrack(before->pose.position_m);
+  return known != tracks_.end() ? known->second : Track{MotionTrack(before->pose.position_m), {}};
 }
 
-MotionEstimate Session::estimate(uint64_t id, const Instance* before, const glm::dvec3& now_m, const glm::dvec3* sent_mps, double dt_s) {
-  if (before && dt_s <= 0 && now_m == before->pose.position_m) return {sent_mps ? *sent_mps : before->velocity_mps, before->correction_m};
+void Session::add_motion(const MotionEstimate& estimate, const glm::dvec3& angular_velocity_radps) {
+  update_.velocities_mps.push_back(estimate.velocity_mps);
+  update_.corrections_m.push_back(estimate.correction_m);
+  update_.angular_velocities_radps.push_back(angular_velocity_radps);
+}
+
+// Adds the motion of an instance that is at `now` after the tick.
+void Session::add_motion(uint64_t id, const Instance* before, const Pose& now, const SentMotion& sent, double dt_s) {
+  const glm::dvec3 nothing(0.0), sent_mps = sent.velocity_mps ? *sent.velocity_mps : nothing;
+  const glm::dvec3 kept_radps = before ? before->angular_velocity_radps : nothing;
+  const glm::dvec3 sent_radps = sent.angular_velocity_radps ? *sent.angular_velocity_radps : kept_radps;
+  if (before && dt_s <= 0 && now.position_m == before->pose.position_m)
+    return add_motion({sent.velocity_mps ? sent_mps : before->velocity_mps, before->correction_m}, sent_radps);
   if (!before || dt_s <= 0) {
-    new_tracks_.emplace_back(id, MotionTrack(now_m));
-    return {sent_mps ? *sent_mps : glm::dvec3(0.0), glm::dvec3(0.0)};
+    new_tracks_.emplace_back(id, Track{MotionTrack(now.position_m), {}});
+    return add_motion({sent_mps, nothing}, sent_radps);
   }
-  MotionTrack& track = new_tracks_.emplace_back(id, track_of(id, before, now_m)).second;
-  return sent_mps ? track.observe_sent(dt_s, now_m, *sent_mps, kTeleportSpeedMps) : track.observe(dt_s, now_m, kTeleportSpeedMps);
+  Track& track = new_tracks_.emplace_back(id, track_of(id, before, now.position_m)).second;
+  const MotionEstimate motion = sent.velocity_mps ? track.motion.observe_sent(dt_s, now.position_m, sent_mps, kTeleportSpeedMps)
+                                                  : track.motion.observe(dt_s, now.position_m, kTeleportSpeedMps);
+  if (sent.angular_velocity_radps) track.turn.observe_sent();
+  add_motion(motion, sent.angular_velocity_radps ? sent_radps : track.turn.observe(dt_s, before->pose.rotation, now.rotation));
 }
 
 // Adds the instances that moved by derived velocities, or were gone on from, and that the tick no longer names: they are where they were. A velocity that was
@@ -259,19 +276,21 @@ void Session::add_unnamed(const IdsAfter& ids, double dt_s) {
     const Instance* instance = ids.staying(id);
     if (!instance || std::binary_search(named.begin(), named.end(), id)) continue;
     const auto track = tracks_.find(id);
-    const bool keeps = track != tracks_.end() && track->second.has_sent_velocity();
-    const MotionEstimate now = keeps      ? MotionEstimate{instance->velocity_mps, {}}
-                               : dt_s > 0 ? estimate(id, instance, instance->pose.position_m, nullptr, dt_s)
-                                          : MotionEstimate{};
+    const bool known = track != tracks_.end();
+    const bool keeps = known && track->second.motion.has_sent_velocity();
+    const glm::dvec3* kept_radps = known && track->second.turn.has_sent_rate() ? &instance->angular_velocity_radps : nullptr;
     update_.ids.push_back(id);
     update_.poses.push_back(instance->pose);
-    update_.velocities_mps.push_back(now.velocity_mps);
-    update_.corrections_m.push_back(now.correction_m);
+    if (!keeps && dt_s > 0)
+      add_motion(id, instance, instance->pose, {nullptr, kept_radps}, dt_s);
+    else
+      add_motion({keeps ? instance->velocity_mps : glm::dvec3(0.0), {}}, kept_radps ? *kept_radps : glm::dvec3(0.0));
   }
 }
 
 void Session::commit(const TickInput& tick) {
   const double dt_s = step_length_s(tick);
+  options_.convention.origin_m += tick.world_shift_m;
   remember_motion(tick, dt_s);
   hold(tick.mesh_assets);
   if (tick.targets) options_.targets = *tick.targets;
@@ -306,11 +325,13 @@ void Session::hold(const std::vector<std::shared_ptr<const SceneAsset>>& assets)
 void Session::remember_motion(const TickInput& tick, double dt_s) {
   for (const uint64_t id : tick.delta.remove) tracks_.erase(id);
   for (auto& [id, track] : new_tracks_) tracks_.insert_or_assign(id, track);
-  const bool derives = tick.transforms.velocities_mps.empty();
+  const bool derives = tick.transforms.velocities_mps.empty(), derives_turns = tick.transforms.angular_velocities_radps.empty();
   if (derives && dt_s <= 0) return;
   derived_moving_.clear();
+  const glm::dvec3 none(0.0);
   for (size_t i = 0; i < update_.ids.size(); ++i)
-    if ((derives && update_.velocities_mps[i] != glm::dvec3(0.0)) || update_.corrections_m[i] != glm::dvec3(0.0)) derived_moving_.push_back(update_.ids[i]);
+    if ((derives && update_.velocities_mps[i] != none) || (derives_turns && update_.angular_velocities_radps[i] != none) || update_.corrections_m[i] != none)
+      derived_moving_.push_back(update_.ids[i]);
   former_ids_ = tick.transforms.ids;
 }
 

@@ -20,6 +20,7 @@
 #include "server/session/checks.h"
 #include "server/session/convention.h"
 #include "server/session/motion_track.h"
+#include "server/session/turn_track.h"
 #include "server/step/step.h"
 
 namespace sightline {
@@ -91,6 +92,9 @@ struct TickInput {
   std::optional<StepSettings> settings;
   std::optional<CameraLimits> limits;
   std::optional<AskedShot> shot;  // replaces the former one as a whole; its number is set by the session
+  // By how much the client's world has moved (contract: Tick.world_shift). The origin of the session's convention moves along, so the session's own coordinates stay.
+  // All positions of the tick are in the session's coordinates.
+  glm::dvec3 world_shift_m{0.0};
   int64_t arrival_ns = 0;  // by the stage clock, for the queue time only; 0: not known
 };
 
@@ -118,7 +122,7 @@ struct SessionAnswer {
 //
 // Velocities that the client does not send are derived from successive positions over the tick's dt (motion_track.h). They are 0 for
 // an instance that the tick adds or that was teleported (kTeleportSpeedMps). An instance that a tick no longer names is where it was, so it has
-// stopped, unless its positions are held for several ticks. When dt is 0, an instance whose position is unchanged keeps its
+// stopped, unless its positions are held for several ticks. Angular velocities are derived from rotations likewise (turn_track.h). When dt is 0, an instance whose position is unchanged keeps its
 // velocity, and the velocity of any other becomes 0.
 class Session {
  public:
@@ -178,6 +182,15 @@ class Session {
 
  private:
   friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
+  // How an instance has moved so far.
+  struct Track {
+    MotionTrack motion;
+    TurnTrack turn;
+  };
+  // What a tick says about the motion of an instance; null: nothing.
+  struct SentMotion {
+    const glm::dvec3 *velocity_mps = nullptr, *angular_velocity_radps = nullptr;
+  };
   Session(SessionOptions options, std::unique_ptr<Sampler> sampler, StageClock clock);
   Status add_first_instances();
   Status check(const TickInput& tick, const IdsAfter& ids) const;
@@ -186,8 +199,9 @@ class Session {
   Status check_terms(const TickInput& tick) const;
   double step_length_s(const TickInput& tick) const;
   void fill_update(const TickInput& tick, const IdsAfter& ids);
-  MotionTrack track_of(uint64_t id, const Instance* before, const glm::dvec3& now_m) const;
-  MotionEstimate estimate(uint64_t id, const Instance* before, const glm::dvec3& now_m, const glm::dvec3* sent_mps, double dt_s);
+  Track track_of(uint64_t id, const Instance* before, const glm::dvec3& now_m) const;
+  void add_motion(uint64_t id, const Instance* before, const Pose& now, const SentMotion& sent, double dt_s);
+  void add_motion(const MotionEstimate& estimate, const glm::dvec3& angular_velocity_radps);
   void add_unnamed(const IdsAfter& ids, double dt_s);
   void commit(const TickInput& tick);
   void take_extents();
@@ -220,9 +234,9 @@ class Session {
   int64_t pending_scene_ns_ = 0;
   int64_t newest_arrival_ns_ = 0;
 
-  std::unordered_map<uint64_t, MotionTrack> tracks_;  // of instances that ticks have named
-  std::vector<std::pair<uint64_t, MotionTrack>> new_tracks_;  // of the tick that is being applied
-  std::vector<uint64_t> derived_moving_;  // instances with a derived velocity or a correction that is not 0
+  std::unordered_map<uint64_t, Track> tracks_;  // of instances that ticks have named
+  std::vector<std::pair<uint64_t, Track>> new_tracks_;  // of the tick that is being applied
+  std::vector<uint64_t> derived_moving_;  // instances with a derived velocity, angular velocity or correction that is not 0
   std::vector<uint64_t> former_ids_;      // named by the tick that derived them
   TransformUpdate update_;                // scratch memory, reused
 };

@@ -33,8 +33,8 @@ struct StateFields {
   }
   template <typename A, SameAs<TurnState> T>
   static void each(A& archive, T& turn) {
-    auto& [angles, yaw_rate, pitch_rate] = turn;
-    archive(angles, yaw_rate, pitch_rate);
+    auto& [angles, yaw_rate, pitch_rate, roll_rate] = turn;
+    archive(angles, yaw_rate, pitch_rate, roll_rate);
   }
   template <typename A, SameAs<ZoomState> T>
   static void each(A& archive, T& zoom) {
@@ -50,8 +50,8 @@ struct StateFields {
   }
   template <typename A, SameAs<ShotFrameState> T>
   static void each(A& archive, T& frame) {
-    auto& [number, yaw, age, from, to, now, travels_id] = frame;
-    archive(number, yaw, age, from, to, now, travels_id);
+    auto& [number, yaw, age, from, to, now, travels_id, lead] = frame;
+    archive(number, yaw, age, from, to, now, travels_id, lead);
   }
   template <typename A, SameAs<PlaceInFrame> T>
   static void each(A& archive, T& place) {
@@ -65,8 +65,8 @@ struct StateFields {
   }
   template <typename A, SameAs<CutState> T>
   static void each(A& archive, T& cut) {
-    auto& [since, unseen, next_rank, most_seen, takes_partial] = cut;
-    archive(since, unseen, next_rank, most_seen, takes_partial);
+    auto& [since, unseen, target_jumped, next_rank, most_seen, takes_partial] = cut;
+    archive(since, unseen, target_jumped, next_rank, most_seen, takes_partial);
   }
   template <typename A, SameAs<Trail> T>
   static void each(A& archive, T& trail) {
@@ -248,11 +248,31 @@ struct StateFields {
     auto& [sum_metre_s] = gain;
     archive(sum_metre_s);
   }
+  template <typename A, SameAs<Pace> T>
+  static void each(A& archive, T& pace) {
+    auto& [response, closing, braking] = pace;
+    archive(response, closing, braking);
+  }
+  template <typename A, SameAs<Tracking> T>
+  static void each(A& archive, T& tracking) {
+    auto& [by, pace, vector, beyond] = tracking;
+    archive(by, pace, vector, beyond);
+  }
+  template <typename A, SameAs<SightCounts> T>
+  static void each(A& archive, T& counts) {
+    auto& [total, all, some, none, by_target] = counts;
+    archive(total, all, some, none, by_target);
+  }
+  template <typename A, SameAs<DecisionInForce> T>
+  static void each(A& archive, T& last) {
+    auto& [age_s, decisions, is_due, tracking, status, reason, view_way, sees_none, nearest_view, counts, target_ids, seen] = last;
+    archive(age_s, decisions, is_due, tracking, status, reason, view_way, sees_none, nearest_view, counts, target_ids, seen);
+  }
   template <typename A, SameAs<CarriedState> T>
   static void each(A& archive, T& state) {
-    auto& [camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, change, blind, shares, given_up,
+    auto& [camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, change, blind, in_force, shares, given_up,
            not_aimed_at, path, cut, pull] = state;
-    archive(camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, change, blind, shares, given_up,
+    archive(camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, change, blind, in_force, shares, given_up,
             not_aimed_at, path, cut, pull);
   }
   template <typename A, SameAs<Target> T>
@@ -265,12 +285,12 @@ struct StateFields {
   struct Moved {
     uint64_t id = 0;
     Pose pose;
-    glm::dvec3 velocity_mps{0.0}, correction_m{0.0};
+    glm::dvec3 velocity_mps{0.0}, angular_velocity_radps{0.0}, correction_m{0.0};
   };
   template <typename A, SameAs<Moved> T>
   static void each(A& archive, T& instance) {
-    auto& [id, pose, velocity, correction] = instance;
-    archive(id, pose, velocity, correction);
+    auto& [id, pose, velocity, angular_velocity, correction] = instance;
+    archive(id, pose, velocity, angular_velocity, correction);
   }
   // Slots decide the order of what is equal otherwise.
   struct Slot {
@@ -305,9 +325,19 @@ struct StateFields {
     archive(known, stands, held, filters, noisy, sent, last, since, ticks_since, intervals_s, intervals, held_share, mean_interval, interval_variance, last_mps, last_miss, misses,
             miss_product, beliefs, believed);
   }
+  template <typename A, SameAs<TurnTrack> T>
+  static void each(A& archive, T& track) {
+    auto& [sent, turned, since, interval, rate, turning] = track;
+    archive(sent, turned, since, interval, rate, turning);
+  }
+  template <typename A, SameAs<Session::Track> T>
+  static void each(A& archive, T& track) {
+    auto& [motion, turn] = track;
+    archive(motion, turn);
+  }
   struct TrackOf {
     uint64_t id = 0;
-    MotionTrack track;
+    Session::Track track;
   };
   template <typename A, SameAs<TrackOf> T>
   static void each(A& archive, T& of) {
@@ -338,7 +368,7 @@ struct StateFields {
                 .free_slots = mirror.free_slots_};
     for (const uint32_t slot : mirror.moving_slots_) {
       const Instance& instance = mirror.slots_[slot];
-      scene.moved.push_back({instance.id, instance.pose, instance.velocity_mps, instance.correction_m});
+      scene.moved.push_back({instance.id, instance.pose, instance.velocity_mps, instance.angular_velocity_radps, instance.correction_m});
     }
     for (const uint32_t slot : mirror.rearranged_slots_) scene.rearranged.push_back({slot, mirror.slots_[slot].id});
     return scene;
@@ -399,7 +429,7 @@ struct StateFields {
   static void move(SceneMirror& mirror, uint32_t slot, const Moved& moved) {
     Instance& instance = mirror.slots_[slot];
     instance.pose = moved.pose;
-    instance.velocity_mps = moved.velocity_mps, instance.correction_m = moved.correction_m;
+    instance.velocity_mps = moved.velocity_mps, instance.angular_velocity_radps = moved.angular_velocity_radps, instance.correction_m = moved.correction_m;
     instance.moving = true;
     mirror.moving_slots_.push_back(slot);
     mirror.place(slot);
@@ -426,6 +456,11 @@ struct StateFields {
     return small(track.last_m_) && small(track.last_mps_) && small(track.last_miss_m_) && time(track.since_s_) && time(track.believed_s_) &&
            time(track.mean_interval_s_) && time(track.interval_variance_s2_) && std::abs(track.miss_product_m2_) < kMost && share_of(track.held_share_) &&
            std::all_of(track.intervals_s_.begin(), track.intervals_s_.end(), time) && std::all_of(track.beliefs_.begin(), track.beliefs_.end(), belief);
+  }
+  static bool possible(const Session::Track& track) {
+    const TurnTrack& turn = track.turn;
+    const auto rate = [](const glm::dvec3& radps) { return glm::length(radps) <= kMostTurnRadps; };
+    return possible(track.motion) && rate(turn.turning_radps_) && rate(turn.rate_radps_) && turn.since_s_ >= 0 && turn.interval_s_ >= 0;
   }
   static bool possible(const PairHistory::Frame& frame) {
     const size_t targets = frame.target_ids.size();
@@ -457,6 +492,10 @@ struct StateFields {
     return map.ids_.size() <= kMaxTargets && map.shares_.size() == map.ids_.size() * ViewpointMap::kViewpoints &&
            map.known_s_.size() == map.ids_.size() && map.distance_m_ > 0;
   }
+  static bool possible(const DecisionInForce& last) {
+    return last.age_s >= 0 && last.tracking.by <= TrackBy::kAcceleration && last.status <= MoveStatus::kHolding && last.reason <= MoveReason::kCut &&
+           last.counts.visible_by_target.size() <= kMaxTargets;
+  }
   static constexpr double kFarthestViewM = 1e4;  // farther than any bound reaches
   static bool possible(const CarriedState& state) {
     const auto past = [](const TargetPast& of) { return possible(of.predictor.travel_) && possible(of.predictor.turn_); };
@@ -465,7 +504,7 @@ struct StateFields {
     const auto known = [](size_t viewpoint) { return viewpoint < ViewpointMap::kViewpoints; };
     const glm::dvec3& eye_m = state.camera.pose.position_m;
     const bool near_view = glm::distance(state.blind.view_m.value_or(eye_m), eye_m) < kFarthestViewM;
-    return possible(state.candidates) && possible(state.viewpoints) && state.pasts.size() <= kMaxTargets &&
+    return possible(state.candidates) && possible(state.viewpoints) && possible(state.in_force) && state.pasts.size() <= kMaxTargets &&
            std::all_of(state.pasts.begin(), state.pasts.end(), past) && shares.size() <= kMaxTargets &&
            std::all_of(shares.begin(), shares.end(), track) && state.trail.places_m().size() <= Trail::kPlaces &&
            state.path.position_m.count() > 0 && state.path.rotation.count() > 0 && known(state.shot.asked_viewpoint) &&

@@ -116,8 +116,8 @@ void Aggregation::find_outside(std::span<const glm::dvec3> aim_m) {
     const TrackedTarget& target = step_.targets.tracked_targets[i];
     bodies.push_back({aim_m[i] - glm::dvec3(0, target.low_m, 0), aim_m[i] + glm::dvec3(0, target.high_m, 0), target.aside_m, step_.targets.sight_weights[i]});
   }
-  const FramingSettings& framing = step_.input.settings.framing;
-  scratch_.picture_fit.outside_share(bodies, widest(step_.lens, framing), framing.framing_margin, scratch_.outside);
+  const FramingSettings framing = framing_of(step_.input);
+  scratch_.picture_fit.outside_share(bodies, widest(step_.lens, framing), framing.framing_margin, step_.roll_rad(), scratch_.outside);
 }
 
 // What a picture from each cell is expected to lack at the slices that are due.
@@ -126,7 +126,7 @@ void Aggregation::renew_slices() {
   const uint64_t targets = hash_of(step_.targets, step_.targets.steered);
   if (targets != memory_.ahead_targets) ahead.restart();
   memory_.ahead_targets = targets;
-  ahead.advance(memory_.lattice, step_.move_s);
+  ahead.advance(memory_.lattice, step_.decision_s);
   const size_t cells = memory_.lattice.size();
   const double count = effective_count(step_.targets.sight_weights);
   scratch_.shares.resize(cells), scratch_.outside.assign(cells, 0.0f);
@@ -151,7 +151,7 @@ void Aggregation::renew_slices() {
 // Low-passes the share that moving occluders hide, so that short occlusions count little.
 void Aggregation::smooth_what_passes() {
   const FilterSettings& filter = settings_.filter;
-  memory_.smoother.update(memory_.lattice, step_.move_s,
+  memory_.smoother.update(memory_.lattice, step_.decision_s,
                           filter.mode == FilterMode::kPerTarget ? filter.min_occlusion_s : 0.0,
                           scratch_.hidden_by.by_passing);
 }
@@ -193,7 +193,7 @@ void filter_cells(const StepContext& step, const FilterSettings& filter, Candida
   if (filter.mode == FilterMode::kNone || step.move_s <= 0) return;
   const size_t cells = memory.lattice.size(), others = candidates.size() - cells;
   TemporalVolume& volume = memory.volume;
-  volume.begin_step(memory.lattice, 2, step.targets.ids, filter, step.move_s);
+  volume.begin_step(memory.lattice, 2, step.targets.ids, filter, step.decision_s);
   volume.push(memory.lattice, std::span(candidates.visible_targets).first(cells));
   slots = memory.lattice.addresses();
   for (size_t k = 0; k < others; ++k) {

@@ -41,6 +41,7 @@ void start_position(CarriedState& state, const ViewerCamera& viewer) {
   state.viewpoints.forget();
   state.path.position_m.start(viewer.pose.position_m);
   state.pull_mps = glm::dvec3(0.0);
+  state.in_force.is_due = true;
 }
 
 void start_rotation(CarriedState& state, const ViewerCamera& viewer) {
@@ -53,6 +54,7 @@ void start_rotation(CarriedState& state, const ViewerCamera& viewer) {
   state.turn.pitch_rate_radps = glm::dot(viewer.angular_velocity_radps, level * glm::dvec3(1, 0, 0));
   state.shares.forget();
   state.path.rotation.start(viewer.pose.rotation);
+  state.in_force.is_due = true;
 }
 
 // No step was taken since the camera was put where it is. A velocity that is sent then is news.

@@ -24,6 +24,7 @@
 #include "server/paper/pair_history.h"
 #include "server/scene/target.h"
 #include "server/step/suggested_path.h"
+#include "server/step/tracking.h"
 
 namespace sightline {
 
@@ -40,6 +41,7 @@ struct ShotFrameState {
   PlaceInFrame from, to;    // the blend leads from the one to the other
   PlaceInFrame now;         // the wanted place at the last step
   uint64_t travels_id = 0;  // FRAME_TRAVEL: the instance whose direction it is
+  glm::dvec3 lead{0.0};     // the horizontal direction in which the picture leaves room, world; as long as the share of the room, at most 1
 };
 
 // What is seen of a target from the asked place, lately.
@@ -98,6 +100,7 @@ struct TargetPast {
 struct CutState {
   double since_s = 0.0;         // since the camera was placed or cut
   double unseen_s = 0.0;        // since a required target was last seen in the picture
+  bool target_jumped = false;   // a required target has jumped, and the camera is neither near its shot of it nor has it cut since
   size_t next_rank = 0;         // of the ranked places (cut_stage.cpp), the first that was not examined yet
   double most_seen = 0.0;       // of all places examined so far, the greatest weight of required targets that one sees
   bool takes_partial = false;   // every place was examined and none sees all required targets
@@ -119,6 +122,7 @@ struct CarriedState {
   bool follows = false;              // it was the desired position
   std::optional<SummedGain> change;  // what a change between following and another course would gain; empty: they were not compared
   BlindState blind;                  // strategy kMinCost
+  DecisionInForce in_force;
   ShareWindow shares;                // recent visible shares of the targets
   // Targets that the camera does not try to show, because they stand too far apart from others (see move/keep_together.h):
   InlineVector<uint64_t, kMaxTargets> given_up;      // from any position that it may take

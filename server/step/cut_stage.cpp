@@ -233,7 +233,6 @@ const CutPlace* choose_cut(const MoveInput& in, const TakenMaps& taken, bool tar
 void cut_to(const MoveInput& in, const TakenMaps& taken, const CutPlace& place, MoveScratch& scratch, WantedShot& shot,
             Decision& decision) {
   const StepContext& step = in.step;
-  const FramingSettings& framing = step.input.settings.framing;
   const glm::dvec3 to_center_m = step.center_m() - place.position_m;
   const ViewAngles at_center = angles_from_rotation(look_rotation(to_center_m, {0, 1, 0}, {1, 0, 0}));
   const Aim aim = aim_with_shot(step, shot, place.position_m, at_center);
@@ -245,10 +244,17 @@ void cut_to(const MoveInput& in, const TakenMaps& taken, const CutPlace& place, 
   decision.turn.angles = aim.angles;
   decision.camera.pose = {place.position_m, rotation_from_angles(aim.angles)};
   decision.camera.velocity_mps = first_velocity_mps(in, decision.camera.pose, scratch.trail_colliders);
-  decision.vertical_fov_rad = zooms(framing) ? aim.vertical_fov_rad : in.carried.zoom.vertical_fov_rad;
+  const double aim_fov_rad = fov_for_size_rad(step, shot, place.position_m).value_or(aim.vertical_fov_rad);
+  decision.vertical_fov_rad = zooms(framing_of(step.input)) ? aim_fov_rad : in.carried.zoom.vertical_fov_rad;
   shot.cut_s = 0.0;
   shot.offset_m = place.viewpoint ? -to_center_m : shot.offset_m;
   if (in.plan.look.searches && place.viewpoint) shot.viewpoint = place.viewpoint;
+}
+
+bool jump_waits(const MoveInput& in, bool target_jumped) {
+  const MoveSettings& settings = in.step.input.settings.move;
+  const bool is_far = glm::distance(in.step.camera.pose.position_m, in.desired_m) > settings.cut_beyond_m;
+  return target_jumped && settings.cut_after_s > 0 && is_far && !(in.plan.cut.due && in.plan.cut.examined_all);
 }
 
 void note_sights(const StepContext& step, const StepResult& result, bool target_jumped, bool is_asked, CutState& state) {

@@ -37,7 +37,7 @@ void give_up_targets(const StepInput& input, const CarriedState& carried, bool h
   given_up.clear();
   const MoveSettings& settings = input.settings.move;
   if (settings.follow != Follow::kOffset) return;
-  const Lens lens = widest(input.lens, input.settings.framing);
+  const Lens lens = widest(input.lens, framing_of(input));
   const glm::dvec3 camera_m = carried.camera.pose.position_m;
   const bool lines_up = may_turn(input) && (!has_shot || carried.shot.line_closed_s <= 0);
   const auto fit = [&](std::span<const TrackedTarget> kept, double room) {
@@ -58,12 +58,12 @@ void give_up_targets(const StepInput& input, const CarriedState& carried, bool h
 void line_up_shot(const StepContext& step, const ViewpointMap& viewpoints, WantedShot& shot) {
   if (step.move_s <= 0) return;
   const std::optional<glm::dvec3> former_m = std::exchange(shot.in_line_m, std::nullopt);
-  shot.line_closed_s = std::max(0.0, shot.line_closed_s - step.move_s);
+  shot.line_closed_s = std::max(0.0, shot.line_closed_s - step.decision_s);
   const TargetsNow& targets = step.targets;
   const bool several = std::popcount(targets.steered) >= 2 && targets.steered == targets.weighted;
-  shot.all_kept_s = several ? shot.all_kept_s + step.move_s : 0.0;
+  shot.all_kept_s = several ? shot.all_kept_s + step.decision_s : 0.0;
   if (!may_turn(step.input) || !several || shot.line_closed_s > 0) return;
-  const Lens lens = widest(step.input.lens, step.input.settings.framing);
+  const Lens lens = widest(step.input.lens, framing_of(step.input));
   const FarShot far{targets.tracked_targets, shot.offset_m, step.camera.pose.position_m, lens, step.input.settings.move,
                     former_m ? shot.line_end_m : glm::dvec3(0.0)};
   const bool knows = shot.all_kept_s > step.input.settings.move.viewpoint_search.memory_s && knows_viewpoints(step, viewpoints);

@@ -228,7 +228,7 @@ class GoalSearch {
     if (!in_.carried.change) return follow <= std::min(stay, plan);
     const double steadiness = in_.step.input.settings.move.cost.steadiness;
     const double gain_m = in_.carried.follows ? follow - std::min(stay, plan + steadiness) : std::min(stay, plan) - follow;
-    return change_->add(gain_m, in_.step.move_s) != in_.carried.follows;
+    return change_->add(gain_m, in_.step.decision_s) != in_.carried.follows;
   }
 
   // Targets that move apart leave the picture, unless the camera is in line with them in time.
@@ -285,6 +285,7 @@ class GoalSearch {
     scratch_.way.push_back(static_cast<uint32_t>(desired_candidate()));
     const Leg leg{in_.sights.position_m[desired_candidate()], glm::length(behind_m())};
     goal.velocity_mps = velocity_along(in_.step, leg, group_velocity_mps(in_.step), pace);
+    goal.tracking = {.by = TrackBy::kFollow, .pace = pace, .vector = leg.to_m - in_.desired_m};
     return goal;
   }
 
@@ -296,6 +297,7 @@ class GoalSearch {
   Goal stay_here() {
     Goal goal = goal_at(in_.sights.own_candidate, eye_m(), FlightCourse::kStay);
     goal.velocity_mps = velocity_along(in_.step, {eye_m(), 0}, glm::dvec3(0.0));
+    goal.tracking.by = TrackBy::kStay;
     return goal;
   }
 
@@ -304,25 +306,27 @@ class GoalSearch {
   Goal fly(const FlightPlan& plan) {
     scratch_.way = plan.candidates;
     glm::dvec3 to_m = plan.at(kGoalS);
-    if (in_.carried.goal_m) to_m = glm::mix(to_m, *in_.carried.goal_m, std::exp(-in_.step.move_s / kCalmS));
+    if (in_.carried.goal_m) to_m = glm::mix(to_m, *in_.carried.goal_m, std::exp(-in_.step.decision_s / kCalmS));
     Goal goal = goal_at(plan.candidates.back(), to_m, FlightCourse::kPlan);
     for (size_t k = 0; k < plan.point_m.size(); ++k) goal.plan_m.push_back({plan.at_s[k], plan.point_m[k]});
-    goal.velocity_mps = steer_velocity(in_.step.camera, velocity_of(plan, to_m), in_.step.input.limits, response_s(), in_.step.move_s);
+    goal.tracking = track(plan, to_m);
+    goal.velocity_mps = velocity_by(in_.step, goal.tracking, in_.desired_m);
     return goal;
   }
   double response_s() const { return in_.step.input.settings.move.move_response_s; }
 
-  // The velocity that the camera tries to have on a plan, which leads it to `to_m`.
-  glm::dvec3 velocity_of(const FlightPlan& plan, const glm::dvec3& to_m) {
+  // The acceleration with which the camera flies a plan, which leads it to `to_m`; a velocity if it is far behind or no acceleration is free.
+  Tracking track(const FlightPlan& plan, const glm::dvec3& to_m) {
     glm::dvec3 wanted_mps = (to_m - eye_m()) / kGoalS;
     const bool hurries = is_far_behind(plan);
     if (hurries) wanted_mps = faster(wanted_mps);
     if (!ways_.is_free(to_m)) wanted_mps = round_corner(reachable_m(plan), wanted_mps);
-    if (hurries) return wanted_mps;
+    const Tracking at_velocity{.by = TrackBy::kVelocity, .vector = wanted_mps};
+    if (hurries) return at_velocity;
     const double time_s = std::max(response_s(), in_.step.move_s);
     const glm::dvec3& velocity_mps = in_.step.camera.velocity_mps;
     const auto acceleration_mps2 = best_acceleration_mps2(planner_, settings_, acceleration_input((wanted_mps - velocity_mps) / time_s));
-    return acceleration_mps2 ? velocity_mps + *acceleration_mps2 * time_s : wanted_mps;
+    return acceleration_mps2 ? Tracking{.by = TrackBy::kAcceleration, .vector = *acceleration_mps2} : at_velocity;
   }
   // The farthest point of the plan that the body can reach straight.
   glm::dvec3 reachable_m(const FlightPlan& plan) {
@@ -379,13 +383,14 @@ class GoalSearch {
     const Leg leg = first_leg(in_, scratch_.way, body_m(in_));
     Goal goal = goal_at(*view, part_of_way_m(leg.to_m, settings_.speed_mps * kGoalS), FlightCourse::kToView);
     goal.searches = true;
+    goal.tracking = along(in_.step, leg);
     goal.velocity_mps = velocity_along(in_.step, leg, glm::dvec3(0.0));
     return goal;
   }
   // The nearest candidate that sees a target. While there is one, the camera keeps for a while to the one that was the nearest.
   std::optional<uint32_t> find_view() {
     const auto& former_m = in_.carried.blind.view_m;
-    blind_.view_s = in_.carried.blind.view_s + in_.step.move_s;
+    blind_.view_s = in_.carried.blind.view_s + in_.step.decision_s;
     const bool holds = former_m && blind_.view_s < kViewHoldsS && blind_.blind_s > kViewHoldsAfterS;
     const std::optional<uint32_t> former = holds ? planner_.candidate_at(*former_m) : std::nullopt;
     std::optional<uint32_t> nearest;
@@ -411,7 +416,8 @@ class GoalSearch {
     scratch_.way.clear();
     return {.choice = choice_for(MoveStatus::kEscaping, FlightCourse::kTrail),
             .position_m = part_of_way_m(leg.to_m, settings_.speed_mps * kGoalS),
-            .velocity_mps = velocity_along(in_.step, leg, glm::dvec3(0.0))};
+            .velocity_mps = velocity_along(in_.step, leg, glm::dvec3(0.0)),
+            .tracking = along(in_.step, leg)};
   }
   // Without a trail the camera goes at least nearer to the desired position.
   Goal approach(const FlightPlan& plan) {
@@ -426,7 +432,7 @@ class GoalSearch {
   BlindState blind_since(const FlightPlan& plan) const {
     const uint32_t seen = seen_of_late(in_.step, in_.carried);
     BlindState blind = in_.carried.blind;
-    blind.searched_s += in_.step.move_s;
+    blind.searched_s += in_.step.decision_s;
     blind.shot_gains_s = shot_gains_s(seen, plan);
     const bool shot_gains = blind.shot_gains_s >= kShotGainsS - kShotGoesOnS;
     if (seen == in_.step.targets.steered && !shot_gains) {
@@ -435,7 +441,7 @@ class GoalSearch {
       return sees_all;
     }
     if (seen == 0) {
-      blind.blind_s += in_.step.move_s;
+      blind.blind_s += in_.step.decision_s;
     } else {
       if (blind.blind_s >= kBlindS || !shot_gains) blind.way_m.clear();
       blind.blind_s = 0.0;
@@ -445,8 +451,8 @@ class GoalSearch {
   double shot_gains_s(uint32_t seen, const FlightPlan& plan) const {
     const BlindState& former = in_.carried.blind;
     if (seen == 0 && !former.way_m.empty()) return former.shot_gains_s;  // it is on a way
-    if (seen != 0 && gains_by_shot(seen, plan)) return std::min(former.shot_gains_s + in_.step.move_s, kShotGainsS + kShotGoesOnS);
-    return std::max(former.shot_gains_s - kNoGain * in_.step.move_s, 0.0);
+    if (seen != 0 && gains_by_shot(seen, plan)) return std::min(former.shot_gains_s + in_.step.decision_s, kShotGainsS + kShotGoesOnS);
+    return std::max(former.shot_gains_s - kNoGain * in_.step.decision_s, 0.0);
   }
   bool gains_by_shot(uint32_t seen, const FlightPlan& plan) const {
     double enough = in_.carried.blind.way_m.empty() ? 1.0 : 0.5;
@@ -492,7 +498,8 @@ class GoalSearch {
     scratch_.way.clear();
     Goal goal{.choice = to_shot ? choice_for(MoveStatus::kPartial, FlightCourse::kToShot) : choice_for(MoveStatus::kEscaping, FlightCourse::kFarWay),
               .position_m = part_of_way_m(leg->to_m, settings_.speed_mps * kGoalS),
-              .velocity_mps = velocity_along(in_.step, *leg, glm::dvec3(0.0))};
+              .velocity_mps = velocity_along(in_.step, *leg, glm::dvec3(0.0)),
+              .tracking = along(in_.step, *leg)};
     goal.searches = !to_shot, goal.way_m = leg->length_m;
     for (size_t k = 1; k < blind_.way_m.size(); ++k) *goal.way_m += glm::distance(blind_.way_m[k - 1], blind_.way_m[k]);
     return goal;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 
 #include "server/move/keep_together.h"
 #include "server/step/shot_in_force.h"
@@ -36,6 +37,7 @@ Course flight_course(const MoveInput& in, MoveScratch& scratch, Decision& decisi
     decision.goal_m = goal.position_m;
     decision.blind = goal.blind;
     decision.change = goal.change;
+    decision.tracking = goal.tracking;
   }
   decision.horizon_s = next_horizon_s(in, goal.searches);
   decision.follows = goal.follows;
@@ -52,6 +54,20 @@ bool differ(const glm::dvec3& a_mps, const glm::dvec3& b_mps) {
   return glm::distance(a_mps, b_mps) > 1e-6;
 }
 
+// The nearest candidate that sees a target.
+std::optional<glm::dvec3> nearest_view_m(const MoveInput& in, const glm::dvec3& from_m) {
+  const CandidateSet& candidates = in.sights.candidates;
+  const std::span<const uint32_t> seen = candidates.filtered();
+  std::optional<glm::dvec3> nearest_m;
+  double least_m = std::numeric_limits<double>::infinity();
+  for (size_t i = 0; i < seen.size(); ++i) {
+    if ((seen[i] & in.step.targets.steered) == 0) continue;
+    const glm::dvec3 position_m = candidates.position_m[i];
+    if (const double m = glm::distance(from_m, position_m); m < least_m) least_m = m, nearest_m = position_m;
+  }
+  return nearest_m;
+}
+
 // Adds what the velocity lacks to approach the viewer's camera at the speed of the pull. The velocity may hold some of the
 // last step's pull already.
 glm::dvec3 pulled(const MoveInput& in, const glm::dvec3& wanted_mps) {
@@ -62,15 +78,15 @@ glm::dvec3 pulled(const MoveInput& in, const glm::dvec3& wanted_mps) {
   return clamp_velocity(in.step.camera.velocity_mps, wanted_mps + missing_mps * direction, in.step.input.limits, in.step.move_s);
 }
 
-void travel(const MoveInput& in, const glm::dvec3& wanted_mps, Decision& decision) {
+// `sees_nothing`: no target is seen from where the camera is.
+void travel(const MoveInput& in, const glm::dvec3& wanted_mps, bool sees_nothing, Decision& decision) {
   const CameraLimits& limits = in.step.input.limits;
   const Lens& lens = in.step.lens;
   CameraState& camera = decision.camera;
   const glm::dvec3 pulled_mps = pulled(in, wanted_mps);
   in.surroundings.colliders.allow(kMostTests);  // the choice of the goal may have used up its own
   const glm::dvec3 evading_mps = evade(camera, pulled_mps, limits, lens, in.surroundings.movers_ahead, in.surroundings.colliders, in.step.move_s);
-  const bool blind = in.step.target_count() > 0 && in.sights.candidates.visible_targets[in.sights.own_candidate] == 0;
-  const SafeMove safe = make_safe(camera, evading_mps, limits, lens, in.surroundings.colliders, in.step.move_s, blind);
+  const SafeMove safe = make_safe(camera, evading_mps, limits, lens, in.surroundings.colliders, in.step.move_s, sees_nothing);
   decision.wanted_mps = pulled_mps;
   decision.evading = differ(evading_mps, pulled_mps);
   decision.deflected = differ(safe.velocity_mps, evading_mps);
@@ -114,7 +130,7 @@ bool aims_at_all(const MoveInput& in, const Decision& decision, const Aim& all, 
 // some out only if it would otherwise show none of those that it sees.
 Aim choose_aim(const MoveInput& in, Decision& decision) {
   const StepContext& step = in.step;
-  const FramingSettings& framing = step.input.settings.framing;
+  const AimRules rules = aim_rules(step);
   const std::span<const TrackedTarget> targets = step.targets.tracked_targets;
   const glm::dvec3 eye_m = decision.camera.pose.position_m;
   const ViewAngles& present = decision.turn.angles;
@@ -123,31 +139,42 @@ Aim choose_aim(const MoveInput& in, Decision& decision) {
   const bool stays = step.input.settings.move.follow == Follow::kStay, had_all = former == step.targets.steered;
   const uint32_t seen = stays ? step.targets.steered : seen_of_late(step, in.carried);
   if (stays ? all.fits && had_all : aims_at_all(in, decision, all, seen, had_all)) return all;
-  const auto fit = [&, lens = widest(step.lens, framing)](std::span<const TrackedTarget> kept, double room) {
+  const auto fit = [&, lens = widest(step.lens, rules.framing)](std::span<const TrackedTarget> kept, double room) {
     return fits_picture(eye_m, kept, present, lens, room, true);
   };
   TargetMemory memory;
   const uint32_t kept = keep_together(only_kept(targets, seen, memory), eye_m, former, std::cref(fit));
   if (kept == step.targets.steered) return all;
   decision.not_aimed_at = dropped_ids(step.targets, kept);
-  return aim_at(eye_m, only_kept(targets, kept, memory), present, step.lens, framing);
+  return aim_at(eye_m, only_kept(targets, kept, memory), present, step.lens, rules);
+}
+
+// The time in which the camera answers an aim: shorter the nearer the aim is to the edge of the soft zone, and none outside.
+double aim_response_s(const StepContext& step, const Aim& aim) {
+  constexpr double kHurriesFrom = 0.6;  // of the soft zone
+  double calm = 1.0;
+  const glm::dvec2 soft_zone = step.input.shot ? step.input.shot->soft_zone : glm::dvec2(0.0);
+  for (int axis = 0; axis < 2; ++axis)
+    if (soft_zone[axis] > 0) calm = std::min(calm, std::clamp((soft_zone[axis] - aim.off_half_pictures[axis]) / ((1 - kHurriesFrom) * soft_zone[axis]), 0.0, 1.0));
+  return calm * step.input.settings.framing.aim_response_s;
 }
 
 void turn(const MoveInput& in, Decision& decision) {
   const StepContext& step = in.step;
-  const FramingSettings& framing = step.input.settings.framing;
+  const FramingSettings framing = framing_of(step.input);
   CameraState& camera = decision.camera;
-  Aim aim{decision.turn.angles, step.lens.vertical_fov_rad, true};
+  Aim aim{.angles = decision.turn.angles, .vertical_fov_rad = step.lens.vertical_fov_rad};
   if (step.targets.steered != 0) aim = choose_aim(in, decision);
   const glm::dquat before = camera.pose.rotation;
-  decision.turn = turn_towards(decision.turn, aim.angles, step.input.limits, framing.aim_response_s, step.move_s);
+  decision.turn = turn_towards(decision.turn, aim.angles, step.input.limits, aim_response_s(step, aim), step.move_s);
   camera.pose.rotation = rotation_from_angles(decision.turn.angles);
   const glm::dquat delta = camera.pose.rotation * glm::conjugate(before);
   camera.angular_velocity_radps =
       glm::axis(delta) * (std::remainder(glm::angle(delta), 2 * std::acos(-1.0)) / step.move_s);
   // The zoom responds as fast as the aim.
   const double share = framing.aim_response_s > 0 ? 1 - std::pow(0.01, step.move_s / framing.aim_response_s) : 1.0;
-  const double fov_rad = zooms(framing) ? aim.vertical_fov_rad : step.input.lens.vertical_fov_rad;
+  double fov_rad = zooms(framing) ? aim.vertical_fov_rad : step.input.lens.vertical_fov_rad;
+  if (step.targets.steered != 0) fov_rad = fov_for_size_rad(step, in.carried.shot, camera.pose.position_m).value_or(fov_rad);
   decision.vertical_fov_rad += share * (fov_rad - decision.vertical_fov_rad);
 }
 
@@ -169,7 +196,7 @@ Decision unmoved(const MoveInput& in) {
 
 double next_horizon_s(const MoveInput& in, bool grows) {
   constexpr double kHorizonDoublingS = 0.25;  // the time in which it doubles or halves
-  const double factor = std::exp2(in.step.move_s / kHorizonDoublingS);
+  const double factor = std::exp2(in.step.decision_s / kHorizonDoublingS);
   return grows ? in.carried.horizon_s * factor : in.carried.horizon_s / factor;
 }
 
@@ -204,7 +231,21 @@ Decision decide(const MoveInput& in, MoveScratch& scratch) {
   decision.status = course.choice.status;
   decision.reason = course.choice.reason;
   decision.chosen_candidate = course.choice.candidate;
-  travel(in, course.wanted_mps, decision);
+  const bool sees_nothing = in.step.target_count() > 0 && in.sights.candidates.visible_targets[in.sights.own_candidate] == 0;
+  travel(in, course.wanted_mps, sees_nothing, decision);
+  turn(in, decision);
+  if (decision.sees_none) decision.nearest_view_m = nearest_view_m(in, decision.camera.pose.position_m);
+  return decision;
+}
+
+Decision go_on(const MoveInput& in, bool sees_nothing) {
+  const DecisionInForce& last = in.carried.in_force;
+  Decision decision = unmoved(in);
+  decision.change = in.carried.change;
+  decision.status = last.status, decision.reason = last.reason;
+  decision.view_way_m = last.view_way_m, decision.sees_none = last.sees_none, decision.nearest_view_m = last.nearest_view_m;
+  decision.tracking = last.tracking;
+  travel(in, velocity_by(in.step, last.tracking, in.desired_m), sees_nothing, decision);
   turn(in, decision);
   return decision;
 }

@@ -13,7 +13,7 @@ namespace {
 // the pace of the zoom (see `turn`).
 ZoomState zoom_of(const StepInput& input, const ZoomState& before) {
   ZoomState zoom = before;
-  const FramingSettings& framing = input.settings.framing;
+  const FramingSettings framing = framing_of(input);
   const double lens_rad = input.lens.vertical_fov_rad;
   const bool lens_changed = before.lens_fov_rad != lens_rad;
   if (before.vertical_fov_rad == 0.0 || (lens_changed && !zooms(framing))) zoom.vertical_fov_rad = lens_rad;
@@ -36,18 +36,30 @@ bool target_jumped(const StepInput& input, const std::vector<TargetPast>& before
   return false;
 }
 
+// What the last decision did not know of is decided at once.
+bool decides(const StepInput& input, const CarriedState& carried, const TargetsNow& targets, const Opening& opening) {
+  const DecisionInForce& last = carried.in_force;
+  if (follows_paper(input) || last.is_due || opening.move_s <= 0 || targets.steered == 0) return true;
+  const bool asked_anew = !carried.shot.is_set || opening.shot.frame.number != carried.shot.frame.number || opening.shot.target_set != carried.shot.target_set;
+  if (!std::ranges::equal(targets.ids, last.target_ids)) return true;
+  if (asked_anew || opening.target_jumped || opening.shot.cut_s > 0 || !std::ranges::equal(opening.given_up, carried.given_up)) return true;
+  return last.age_s + 1.5 * opening.move_s >= input.settings.move.decide_every_s;
+}
+
 }  // namespace
 
 void open_step(const StepInput& input, const CarriedState& carried, TargetsNow& targets, Opening& opening) {
   look_at_targets(input, targets);
   give_up_targets(input, carried, keeps_shot(targets, carried.shot), targets, opening.given_up);
   set_sight_weights(targets);
-  opening.target_jumped = target_jumped(input, carried.pasts);
+  opening.target_jumped = carried.cut.target_jumped || target_jumped(input, carried.pasts);
   observe_targets(input, carried.pasts, opening.pasts);
   opening.move_s = std::min(input.dt_s, kMaxStepS);
   opening.zoom = zoom_of(input, carried.zoom);
   opening.shot = shot_in_force(input, targets, carried);
-  place_in_picture(input, opening.shot, targets);
+  opening.decides = decides(input, carried, targets, opening);
+  opening.decision_s = opening.move_s > 0 ? carried.in_force.age_s + opening.move_s : 0.0;
+  place_in_picture(input, opening.shot, carried.turn.angles.yaw_rad, targets);
 }
 
 }  // namespace sightline

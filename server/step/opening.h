@@ -10,11 +10,13 @@ namespace sightline {
 // The parts of the carried state that the inputs of a step change. They are stored there when the step is finished.
 struct Opening {
   double move_s = 0.0;
+  bool decides = true;      // as in StepContext
+  double decision_s = 0.0;
   ZoomState zoom;
   WantedShot shot;
   TargetIds given_up;
   std::vector<TargetPast> pasts;  // in the order of the input
-  bool target_jumped = false;     // a required target that is steered (see CutState)
+  bool target_jumped = false;     // a required target that is steered has, now or before (CutState)
 };
 void open_step(const StepInput& input, const CarriedState& carried, TargetsNow& targets, Opening& opening);
 

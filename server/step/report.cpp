@@ -39,7 +39,7 @@ TargetSight sight_of(const ReportInput& step, size_t target, const Lens& lens, c
   sight.visible_share = own.share();
   sight.filtered_share = shares.share(target).value_or(own.share());
   sight.picture_share = picture_share(step, target, lens);
-  sight.filtered_visible = dump.decision.cut ? own.seen > 0 : dump.sights.candidates.filtered()[dump.sights.own_candidate] >> target & 1u;
+  sight.filtered_visible = dump.decision.cut ? own.seen > 0 : step.seen >> target & 1u;
   sight.in_picture = in_picture(pose, lens, aim_m);
   sight.given_up = contains(step.given_up, sight.id) || contains(dump.decision.not_aimed_at, sight.id);
   sight.distance_m = glm::distance(pose.position_m, aim_m);

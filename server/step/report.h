@@ -13,6 +13,7 @@ struct ReportInput {
   const TakenMaps& taken;
   std::span<const TargetPast> pasts;
   const TargetIds& given_up;
+  uint32_t seen = 0;  // the targets that the camera has seen over the last steps, by the filter; bit i is target i
 };
 
 // Adds the visible shares in the picture of the returned pose to `shares`.

@@ -12,8 +12,6 @@
 namespace sightline {
 namespace {
 
-// The longest forecast of what the camera will see. People do something else after that time. The plan looks farther ahead.
-constexpr double kForecastS = 0.5;
 // A flight plan adds up the maps of many steps, so each step takes maps from every second point only.
 constexpr size_t kOfPoints = 2;
 
@@ -44,14 +42,14 @@ glm::dvec3 margin_m(const glm::dvec3& from_middle_m, double several) {
 class SlicePicker {
  public:
   SlicePicker(const SampleInput& in, SampleScratch& scratch, SamplePlan& plan)
-      : in_(in), scratch_(scratch), plan_(plan), random_(in.step.input.seed, in.step.input.tick, RandomPurpose::kTurn),
+      : in_(in), scratch_(scratch), plan_(plan), random_(in.step.input.seed, in.step.decision, RandomPurpose::kTurn),
         several_(several_factor(effective_count(in.step.targets.sight_weights))) {}
 
   void pick() {
     const MoveSettings& settings = in_.step.input.settings.move;
     if (in_.step.targets.steered == 0) return;
-    const auto count = static_cast<size_t>(std::ceil(kSlices * in_.step.move_s / kRenewS - 1e-9));
-    for (const DueSlice& due : in_.carried.candidates.ahead.due(in_.step.move_s, count)) {
+    const auto count = static_cast<size_t>(std::ceil(kSlices * in_.step.decision_s / kRenewS - 1e-9));
+    for (const DueSlice& due : in_.carried.candidates.ahead.due(in_.step.decision_s, count)) {
       plan_.slices.resize(plan_.slices.size() + 1);
       SampledSlice& slice = plan_.slices[plan_.slices.size() - 1];
       slice.due = due;
@@ -87,7 +85,7 @@ class SlicePicker {
     const SceneMirror& scene = in_.step.input.scene;
     const TargetView view{.viewer_m = in_.bound.center_m,
                         .moved_m = way_m,
-                        .round = in_.step.input.tick + slice.due.slice,
+                        .round = in_.step.decision + slice.due.slice,
                         .count = std::min<size_t>(kPointsOfSlice, static_cast<size_t>(in_.step.input.settings.sample.points))};
     std::vector<glm::dvec3>& points_m = slice.sampled.points_m;
     const size_t first = points_m.size();
@@ -119,6 +117,8 @@ class SlicePicker {
   std::array<double, kSlices> turns_rad_{};
 };
 
+}  // namespace
+
 // Since the slices tell what will be hidden from each cell, the forecast needs the camera's own position only.
 void plan_sights_ahead(SamplePlan& plan) {
   for (const glm::dvec3& point_m : plan.ahead.points_m) {
@@ -126,8 +126,6 @@ void plan_sights_ahead(SamplePlan& plan) {
     plan.views.push_back(plan_sight(point_m, plan.camera_ahead_m));
   }
 }
-
-}  // namespace
 
 void plan_flight_maps(const SampleInput& in, SampleScratch& scratch, SamplePlan& plan) {
   plan.pair.needs_lattice = plan.pair.asked;

@@ -17,9 +17,9 @@ constexpr size_t kPointsAhead = 3;
 // A shorter prediction would add nothing to the present poses.
 constexpr double kLeastAheadS = 0.05;
 
-glm::dvec2 texel_jitter(const StepInput& input) {
+glm::dvec2 texel_jitter(const StepInput& input, uint64_t decision) {
   if (!input.settings.sample.jitter) return {0.5, 0.5};
-  CounterRandom random(input.seed, input.tick, RandomPurpose::kTexelJitter);
+  CounterRandom random(input.seed, decision, RandomPurpose::kTexelJitter);
   const double x = random.next_unit(), y = random.next_unit();
   return {x, y};
 }
@@ -64,7 +64,7 @@ void decide_ahead(const SampleInput& in, double most_s, SamplePlan& plan) {
 // Picks the points of one target at a time.
 class PointPicker {
  public:
-  // Maps are taken from one in `of_points` of the points, rounded up.
+  // Maps are taken from one in `of_points` of the points, rounded up; from none if that is 0.
   PointPicker(const SampleInput& in, TargetPicker& picker, size_t of_points, SamplePlan& plan)
       : in_(in),
         random_(in.step.input.seed, in.step.input.tick, RandomPurpose::kViewBlend),
@@ -93,9 +93,9 @@ class PointPicker {
   void pick_surface_points(std::span<const TargetPiece> pieces, const Instance& instance, const Affine& later) {
     const double x = random_.next_unit(), y = random_.next_unit();
     const auto now = [&](uint32_t slot) { return in_.step.input.scene.instances()[slot].world_from_instance; };
-    add_points(now_.sights_m, pick(pieces, {.viewer_m = position_on_course_m(in_.step), .blend = glm::dvec2(x, y)}), now);
-    const std::span<const TargetPoint> picked = pick(pieces, {.viewer_m = in_.bound.center_m});
-    add_points(now_.points_m, picked.first((picked.size() + of_points_ - 1) / of_points_), now);
+    add_points(now_.sights_m, pick(pieces, {.viewer_m = position_on_course_m(in_.step), .blend = glm::dvec2(x, y), .round = in_.step.input.tick}), now);
+    const std::span<const TargetPoint> picked = pick(pieces, {.viewer_m = in_.bound.center_m, .round = in_.step.decision});
+    if (of_points_ > 0) add_points(now_.points_m, picked.first((picked.size() + of_points_ - 1) / of_points_), now);
     if (ahead_s_ <= 0) return;
     // The parts go the way of the target's own instance.
     const Affine way = compose(later, inverse(instance.world_from_instance));
@@ -103,14 +103,14 @@ class PointPicker {
     add_points(ahead_.points_m, picked.first(std::min(kPointsAhead, picked.size())), then);
   }
   void pick_aim_point(const glm::dvec3& aim_m, const Instance& instance, const Affine& later) {
-    now_.points_m.push_back(aim_m);
+    if (of_points_ > 0) now_.points_m.push_back(aim_m);
     now_.sights_m.push_back(aim_m);
     if (ahead_s_ <= 0) return;
     ahead_.points_m.push_back(transform_point(later, transform_point(inverse(instance.world_from_instance), aim_m)));
   }
   std::span<const TargetPoint> pick(std::span<const TargetPiece> pieces, TargetView view) {
     const StepInput& input = in_.step.input;
-    view.round = input.tick, view.count = static_cast<size_t>(input.settings.sample.points);
+    view.count = static_cast<size_t>(input.settings.sample.points);
     return picker_.pick(input.scene, pieces, view);
   }
 
@@ -194,7 +194,7 @@ glm::dvec2 pick_points(const SampleInput& in, double most_ahead_s, size_t of_poi
   decide_ahead(in, most_ahead_s, plan);
   PointPicker picker(in, scratch.picker, of_points, plan);
   for (size_t i = 0; i < in.step.target_count(); ++i) picker.pick_target(i);
-  return texel_jitter(in.step.input);
+  return texel_jitter(in.step.input, in.step.decision);
 }
 
 void plan_sample(const SampleInput& in, SampleScratch& scratch, SamplePlan& plan) {
@@ -206,6 +206,16 @@ void plan_sample(const SampleInput& in, SampleScratch& scratch, SamplePlan& plan
   else
     plan_flight_maps(in, scratch, plan);
   plan.look = plan_look(in, plan.views);
+  request_all(in, plan);
+}
+
+void plan_sights_alone(const SampleInput& in, SampleScratch& scratch, SamplePlan& plan) {
+  clear(plan);
+  plan.pair = {}, plan.look = {};
+  plan.cut.due = false, plan.cut.places.clear();
+  pick_points(in, kForecastS, 0, scratch, plan);
+  plan_sights(in.step, plan);
+  plan_sights_ahead(plan);
   request_all(in, plan);
 }
 

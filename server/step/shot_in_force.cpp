@@ -20,8 +20,14 @@ constexpr double kKeptPlace = 0.15, kFarthestPlace = 0.5;
 // From this elevation on, asked and present, the picture's upper edge keeps its direction: wholly from kAboveBandRad higher on. In a session that never asked for a
 // shot, the first pose must look down more steeply. Where the targets are aside by more than kMostAside of half a picture, the camera turns to them.
 constexpr double kFromAboveRad = 1.2, kAboveBandRad = 0.1, kSurelyAboveRad = 1.4, kMostAside = 0.9, kAsideBand = 0.4;
+// A subject of this speed gets all of its lead room. The room grows and shrinks with this time constant.
+constexpr double kLeadsAtMps = 1.0, kLeadS = 0.6;
+// No target is placed nearer to the edge of the picture, in half pictures.
+constexpr double kOutermostPlace = 0.9;
 // Less is not worth naming.
 constexpr double kHidesShare = 0.05;
+// From this far off the asked roll, all of it is lost.
+constexpr double kRollLimitRad = std::numbers::pi / 4;
 // Farther than any place.
 constexpr double kFarthestM = 1e9;
 
@@ -107,6 +113,20 @@ void turn_frame(const StepInput& input, const TargetsNow& targets, ShotFrameStat
   frame.yaw_rad += share * std::remainder(*now_rad - frame.yaw_rad, 2 * std::numbers::pi);
 }
 
+// Where the picture leaves room, and how much of it.
+glm::dvec3 lead_of(const StepInput& input, const TargetsNow& targets) {
+  const AskedShot& asked = asked_of(input);
+  const Instance* instance = asked.lead_room > 0 ? frame_instance(input, targets) : nullptr;
+  if (!instance) return glm::dvec3(0.0);
+  const glm::dvec3 along = asked.lead_by_heading ? instance->pose.rotation * asked.front : instance->velocity_mps / kLeadsAtMps;
+  const glm::dvec3 level(along.x, 0.0, along.z);
+  return level / std::max(glm::length(level), 1.0);
+}
+
+void turn_lead(const StepInput& input, const TargetsNow& targets, ShotFrameState& frame) {
+  frame.lead += -std::expm1(-std::min(input.dt_s, kMaxStepS) / kLeadS) * (lead_of(input, targets) - frame.lead);
+}
+
 // The wanted place now, in the frame.
 PlaceInFrame wanted_place(const StepInput& input, const TargetsNow& targets, const Subjects& subjects, const ShotFrameState& frame) {
   const AskedShot& asked = asked_of(input);
@@ -121,7 +141,7 @@ PlaceInFrame wanted_place(const StepInput& input, const TargetsNow& targets, con
       if (target.steered()) steered.push_back(target);
     const std::span<const TrackedTarget> bodies = subjects.empty() ? std::span<const TrackedTarget>(steered.begin(), steered.size())
                                                                    : std::span<const TrackedTarget>(subjects.begin(), subjects.size());
-    to.distance_m = distance_for_size_m(*asked.size, bodies, middle_m(subjects, targets), angles, frame.yaw_rad, input.lens);
+    to.distance_m = distance_for_size_m(*asked.size, bodies, middle_m(subjects, targets), angles, frame.yaw_rad, shot_lens(input));
   }
   PlaceInFrame now = blend(frame.from, to, share);
   now.side_rad += round_rad;
@@ -145,7 +165,7 @@ void begin(const StepInput& input, const TargetsNow& targets, const CarriedState
   // A camera that the client puts elsewhere with an observed cut does not jump to a shot that began before.
   shot.cut_s = asked.cut && frame.number != asked.number ? kCutWithinS : 0.0;
   ShotFrameState begun;
-  begun.number = asked.number;
+  begun.number = asked.number, begun.lead = frame.lead;
   begun.yaw_rad = first_yaw_rad(input, targets, frame);
   if (const Instance* instance = frame_instance(input, targets); instance && asked.frame == ShotFrame::kTravel) begun.travels_id = instance->id;
   begun.to = upright_place(former_m, begun.yaw_rad, shot.up_yaw_rad);
@@ -195,6 +215,7 @@ WantedShot shot_in_force(const StepInput& input, const TargetsNow& targets, cons
   } else {
     turn_frame(input, targets, shot.frame);
   }
+  turn_lead(input, targets, shot.frame);
   if (begins || !keeps_shot(targets, shot)) forget_targets(targets, shot);
   shot.weight = asked.weight, shot.tolerance = asked.tolerance;
   shot.subjects_m = subjects.empty() ? glm::dvec3(0.0) : middle_m(subjects, targets) - center_m;
@@ -212,15 +233,64 @@ WantedShot shot_in_force(const StepInput& input, const TargetsNow& targets, cons
   return shot;
 }
 
-void place_in_picture(const StepInput& input, const WantedShot& shot, TargetsNow& targets) {
+void place_in_picture(const StepInput& input, const WantedShot& shot, double camera_yaw_rad, TargetsNow& targets) {
   if (input.settings.move.follow == Follow::kStay) return;
-  const std::vector<PicturePlace>& places = asked_of(input).places;
+  const AskedShot& asked = asked_of(input);
+  // The room is on the other side of the target.
+  const glm::dvec3 right(std::cos(camera_yaw_rad), 0.0, -std::sin(camera_yaw_rad));
+  const double aside = -asked.lead_room * glm::dot(shot.frame.lead, right);
   for (size_t i = 0; i < targets.ids.size(); ++i) {
     TrackedTarget& target = targets.tracked_targets[i];
-    if (places.empty()) target.place = shot.place;
-    for (const PicturePlace& place : places)
+    if (asked.places.empty()) target.place = shot.place;
+    for (const PicturePlace& place : asked.places)
       if (place.id == 0 || place.id == targets.ids[i]) target.place = place.half_pictures;
+    if (aside == 0.0 || (!target.place && !asked.places.empty())) continue;
+    const glm::dvec2 place = target.place.value_or(glm::dvec2(0.0));
+    target.place = glm::dvec2(std::clamp(place.x + aside, -kOutermostPlace, kOutermostPlace), place.y);
   }
+}
+
+FramingSettings framing_of(const StepInput& input) {
+  FramingSettings framing = input.settings.framing;
+  const AskedShot& asked = asked_of(input);
+  if (asked.max_vertical_fov_rad > 0) framing.min_vertical_fov_rad = asked.min_vertical_fov_rad, framing.max_vertical_fov_rad = asked.max_vertical_fov_rad;
+  return framing;
+}
+
+namespace {
+
+bool zooms_for_size(const StepInput& input) {
+  const AskedShot& asked = asked_of(input);
+  return asked.size && asked.max_vertical_fov_rad > 0;
+}
+
+}  // namespace
+
+Lens shot_lens(const StepInput& input) {
+  Lens lens = input.lens;
+  const AskedShot& asked = asked_of(input);
+  if (zooms_for_size(input)) lens.vertical_fov_rad = std::clamp(lens.vertical_fov_rad, asked.min_vertical_fov_rad, asked.max_vertical_fov_rad);
+  return lens;
+}
+
+Lens place_lens(const StepContext& step) {
+  return zooms_for_size(step.input) ? shot_lens(step.input) : step.lens;
+}
+
+AimRules aim_rules(const StepContext& step) {
+  AimRules rules(framing_of(step.input));
+  const AskedShot& asked = asked_of(step.input);
+  if (step.input.settings.move.follow == Follow::kStay) return rules;
+  rules.dead_zone = asked.dead_zone, rules.roll_rad = step.roll_rad();
+  return rules;
+}
+
+std::optional<double> fov_for_size_rad(const StepContext& step, const WantedShot& shot, const glm::dvec3& eye_m) {
+  if (!zooms_for_size(step.input)) return std::nullopt;
+  const AskedShot& asked = asked_of(step.input);
+  const double asked_m = glm::length(shot.asked_offset_m - shot.subjects_m), now_m = glm::distance(eye_m, step.center_m() + shot.subjects_m);
+  const double tangent = std::tan(shot_lens(step.input).vertical_fov_rad / 2) * asked_m / std::max(now_m, 1e-6);
+  return std::clamp(2 * std::atan(tangent), asked.min_vertical_fov_rad, asked.max_vertical_fov_rad);
 }
 
 double share_from_above(const StepContext& step, const WantedShot& shot, const glm::dvec3& eye_m) {
@@ -232,17 +302,18 @@ double share_from_above(const StepContext& step, const WantedShot& shot, const g
 
 Aim aim_with_shot(const StepContext& step, const WantedShot& shot, const glm::dvec3& eye_m, const ViewAngles& present) {
   const std::span<const TrackedTarget> targets = step.targets.tracked_targets;
-  const FramingSettings& framing = step.input.settings.framing;
-  const Aim plain = aim_at(eye_m, targets, present, step.lens, framing);
+  AimRules rules = aim_rules(step);
+  const Aim plain = aim_at(eye_m, targets, present, step.lens, rules);
   const double above = share_from_above(step, shot, eye_m);
   if (above <= 0) return plain;
-  const Aim upright = aim_at(eye_m, targets, present, step.lens, framing, shot.up_yaw_rad);
+  rules.fixed_yaw_rad = shot.up_yaw_rad;
+  const Aim upright = aim_at(eye_m, targets, present, step.lens, rules);
   const Pose pose{eye_m, rotation_from_angles(upright.angles)};
   const double aside = std::abs(off_place_half_pictures(pose, targets, step.lens).x);
   const double share = above * eased((kMostAside - aside) / kAsideBand);
   if (share <= 0) return plain;
-  const double yaw_rad = plain.angles.yaw_rad + share * std::remainder(shot.up_yaw_rad - plain.angles.yaw_rad, 2 * std::numbers::pi);
-  return aim_at(eye_m, targets, present, step.lens, framing, yaw_rad);
+  rules.fixed_yaw_rad = plain.angles.yaw_rad + share * std::remainder(shot.up_yaw_rad - plain.angles.yaw_rad, 2 * std::numbers::pi);
+  return aim_at(eye_m, targets, present, step.lens, rules);
 }
 
 namespace {
@@ -262,7 +333,7 @@ uint32_t limits_of(const StepContext& step, const glm::dvec3& asked_m) {
   add(ShotLimit::kMaxElevation, broken.elevation && elevation > settings.max_elevation_rad);
   MoveSettings free = settings;
   free.min_distance_m = 0, free.max_distance_m = kFarthestM, free.min_elevation_rad = -2, free.max_elevation_rad = 2;
-  const glm::dvec3 fitting_m = desired_place_m(step.targets.tracked_targets, asked_m, step.lens, step.input.settings.framing.framing_margin, free);
+  const glm::dvec3 fitting_m = desired_place_m(step.targets.tracked_targets, asked_m, place_lens(step), step.input.settings.framing.framing_margin, free);
   constexpr double kFitSlack = 1.05;
   add(ShotLimit::kPicture, glm::distance(fitting_m, center_m) > kFitSlack * glm::length(asked_m));
   return limits;
@@ -303,7 +374,9 @@ ShotReport report_shot(const StepContext& step, const WantedShot& shot, const Ca
   ShotProperties now = shot_from(now_m, lens.vertical_fov_rad);
   now.place_half_pictures = off_place_half_pictures(camera.pose, step.targets.tracked_targets, lens);
   report.off_place = std::max(std::abs(now.place_half_pictures.x), std::abs(now.place_half_pictures.y));
-  report.deviation = up_to_limits(deviation_between(shot_from(asked_m, step.input.lens.vertical_fov_rad), now, shot.tolerance));
+  report.asked_roll_rad = aim_rules(step).roll_rad, report.roll_rad = angles_from_rotation(camera.pose.rotation).roll_rad;
+  report.roll_deviation = std::min(1.0, std::abs(std::remainder(report.roll_rad - report.asked_roll_rad, 2 * std::numbers::pi)) / kRollLimitRad);
+  report.deviation = up_to_limits(deviation_between(shot_from(asked_m, shot_lens(step.input).vertical_fov_rad), now, shot.tolerance));
   report.sight_loss = lost_sight(step, sights);
   report.worth = picture_worth(report.sight_loss, shot_loss(report.deviation, step.input.settings.move.shot));
   report.limits = limits_of(step, shot.asked_offset_m);
@@ -321,7 +394,7 @@ void watch_asked_place(const StepContext& step, const TakenMaps& taken, WantedSh
     shot.at_asked.push_back({.target_id = id}), sight = shot.at_asked.end() - 1;
   }
   const double memory_s = step.input.settings.move.viewpoint_search.memory_s;
-  const double newest = -std::expm1(-step.move_s * static_cast<double>(step.target_count()) / memory_s);
+  const double newest = -std::expm1(-step.decision_s * static_cast<double>(step.target_count()) / memory_s);
   const DepthMap& map = taken.maps[look.asked_sight];
   const bool hidden = glm::distance(map.view.eye_m, asked_place_m(step, shot)) > map.distance_at(0, 0) * (1 + taken.settings.relative_bias);
   sight->hidden += newest * ((hidden ? 1.0 : 0.0) - sight->hidden);

@@ -16,11 +16,15 @@ WantedShot shot_in_force(const StepInput& input, const TargetsNow& targets, cons
 // True if the carried shot belongs to the targets with a weight.
 bool keeps_shot(const TargetsNow& targets, const WantedShot& before);
 
-// Gives the targets their places in the picture.
-void place_in_picture(const StepInput& input, const WantedShot& shot, TargetsNow& targets);
+// Gives the targets their places in the picture, as seen by a camera of this yaw: the direction counts in which the picture leaves room.
+void place_in_picture(const StepInput& input, const WantedShot& shot, double camera_yaw_rad, TargetsNow& targets);
 
 // How much the upper edge of the picture keeps its direction from a position, [0, 1]: 1 for a shot from right above, 0 for others.
 double share_from_above(const StepContext& step, const WantedShot& shot, const glm::dvec3& eye_m);
+// The picture's rules for the shot in force.
+AimRules aim_rules(const StepContext& step);
+// The field of view with which a shot that asks for a size and has a lens range keeps the size from a position; empty for any other.
+std::optional<double> fov_for_size_rad(const StepContext& step, const WantedShot& shot, const glm::dvec3& eye_m);
 // The aim at all steered targets. From right above, the picture does not turn about its middle.
 Aim aim_with_shot(const StepContext& step, const WantedShot& shot, const glm::dvec3& eye_m, const ViewAngles& present);
 

@@ -30,8 +30,12 @@ struct StepContext {
   const CameraState& camera;  // before this step moves it
   Lens lens;                  // of the input, with the present zoom
   double move_s = 0.0;        // time that the camera moves for; 0: paused
+  bool decides = true;        // false: the last decision is carried out further (tracking.h)
+  double decision_s = 0.0;    // the time that the camera moves for since the last decision, with this step; 0: paused
+  uint64_t decision = 0;      // number of this decision
 
   size_t target_count() const { return input.targets.size(); }
+  double roll_rad() const { return input.shot && input.settings.move.follow == Follow::kOffset ? input.shot->roll_rad : 0.0; }  // as asked for
   bool is_steered(size_t target) const { return targets.steered >> target & 1u; }
   glm::dvec3 center_m() const { return weighted_center_m(targets.tracked_targets); }  // some target is steered
 };
@@ -53,6 +57,13 @@ double route_radius_m(const StepContext& step);
 // The most tests of triangles (ClearanceField) of one part of a step: some milliseconds. In eight of our scenes none took more than 10,745. So in
 // a scene of very many triangles at one place, no part takes long, and the same answer comes on every machine.
 inline constexpr uint64_t kMostTests = 100'000;
+
+// The settings of framing, with the lens range of the shot if it has one.
+FramingSettings framing_of(const StepInput& input);
+// The lens of the shot: the client's; within the lens range where the shot keeps a size by zooming.
+Lens shot_lens(const StepInput& input);
+// The lens by which places are judged: at its present zoom, or that of the shot where the zoom keeps a size from any place.
+Lens place_lens(const StepContext& step);
 
 // The position that the camera tries to reach. Some target must be steered, unless the camera is to stay where it is.
 glm::dvec3 desired_position_m(const StepContext& step, const WantedShot& shot);
@@ -82,13 +93,18 @@ struct SampleScratch {
   ClearanceField colliders;  // that stand around a target
 };
 void plan_sample(const SampleInput& input, SampleScratch& scratch, SamplePlan& plan);
+// Between two decisions: only single rays to where the camera is and will be.
+void plan_sights_alone(const SampleInput& input, SampleScratch& scratch, SamplePlan& plan);
 // Its parts. The points of all targets, now and at the longest usable prediction, which is at most `most_ahead_s`. Maps of the present are taken
-// from one in `of_points` of the points. Returns where in their texels the maps' rays go.
+// from one in `of_points` of the points, or from none if that is 0. Returns where in their texels the maps' rays go.
 glm::dvec2 pick_points(const SampleInput& input, double most_ahead_s, size_t of_points, SampleScratch& scratch, SamplePlan& plan);
 // Maps of the whole bound from each of these points.
 void plan_maps(const SampleInput& input, const glm::dvec2& jitter, Sampled& sampled, SamplePlan& plan);
 // Single rays from each point to where the camera will be after this step.
 void plan_sights(const StepContext& step, SamplePlan& plan);
+void plan_sights_ahead(SamplePlan& plan);  // sample_slices.cpp: from the predicted points to where the camera is expected then
+// The longest forecast of what the camera will see. People do something else after that time. The plan looks farther ahead.
+inline constexpr double kForecastS = 0.5;
 void plan_flight_maps(const SampleInput& input, SampleScratch& scratch, SamplePlan& plan);  // sample_slices.cpp
 // False if only the target's aim point is sampled.
 bool samples_surface(const StepContext& step, size_t target);
@@ -210,6 +226,8 @@ double next_horizon_s(const MoveInput& input, bool grows);
 // The velocity of a camera that comes to rest.
 glm::dvec3 stopping_mps(const MoveInput& input);
 Decision decide(const MoveInput& input, MoveScratch& scratch);
+// Carries the last decision out further. `sees_nothing`: no target is seen from where the camera is.
+Decision go_on(const MoveInput& input, bool sees_nothing);
 
 // ---- the strategies of the paper (paper_stages.cpp): each stage has one way for them and one for the flight plan ----
 
@@ -238,17 +256,13 @@ const CutPlace* choose_cut(const MoveInput& input, const TakenMaps& taken, bool 
 // Changes the decision into a cut to `place`, and the shot into the one from there.
 void cut_to(const MoveInput& input, const TakenMaps& taken, const CutPlace& place, MoveScratch& scratch, WantedShot& shot,
             Decision& decision);
+// Returns whether a target's jump still asks for a cut: none was taken, the shot is far away, and not all places were examined yet.
+bool jump_waits(const MoveInput& input, bool target_jumped);
 // Counts the time without a sight of any required target.
 // `is_asked`: the shot may still cut (WantedShot::cut_s).
 void note_sights(const StepContext& step, const StepResult& result, bool target_jumped, bool is_asked, CutState& state);
 
 // ---- ways (legs.cpp) ----
-
-// The next position to head for, and the length of the way from the camera over that position to its end.
-struct Leg {
-  glm::dvec3 to_m{0.0};
-  double length_m = 0;
-};
 
 // The length of a way over candidates.
 double way_length_m(const MoveInput& input, const glm::dvec3& from_m, std::span<const uint32_t> way);
@@ -257,14 +271,13 @@ double way_length_m(const MoveInput& input, const glm::dvec3& from_m, std::span<
 Leg first_leg(const MoveInput& input, std::span<const uint32_t> way, double body_radius_m);
 // The newest reachable position of the targets' trail; empty if none is reachable.
 std::optional<Leg> leg_to_trail(const MoveInput& input, double body_radius_m, ClearanceField& field);
-// How the camera hurries along a leg. By default it is as quick as MoveSettings and the limits allow.
-struct Pace {
-  double response = 1;  // time constant of its velocity, in units of move_response_s
-  double closing = 1;   // time constant in which it closes the last of its distance, in the same units
-  double braking = 1;   // what it brakes with before the end, as a share of the greatest acceleration
-};
 // `with_mps` and a velocity towards the end of the leg that is no faster than allows the camera to stop at the end of the way.
 glm::dvec3 velocity_along(const StepContext& step, const Leg& leg, const glm::dvec3& with_mps, const Pace& pace = {});
+
+// The velocity by which a decision is carried out in a later step.
+glm::dvec3 velocity_by(const StepContext& step, const Tracking& tracking, const glm::dvec3& desired_m);
+// The tracking of a leg that begins where the camera is.
+Tracking along(const StepContext& step, const Leg& leg, const Pace& pace = {});
 
 // ---- the goal of strategy kMinCost (goal_search.cpp) ----
 
@@ -275,6 +288,7 @@ struct Goal {
   Choice choice;
   glm::dvec3 position_m{0.0};   // where the camera heads for
   glm::dvec3 velocity_mps{0.0};  // that leads there
+  Tracking tracking = {};        // the same for later steps
   bool follows = false;          // it heads for the desired position
   InlineVector<PlanPoint, kSlices + 2> plan_m = {};  // as Decision::plan_m
   bool searches = false;  // no place on its plan sees any target: it goes to the nearest that does

@@ -55,9 +55,8 @@ Bound reachable_bound(const StepContext& step, double horizon_s) {
 
 glm::dvec3 desired_position_m(const StepContext& step, const WantedShot& shot) {
   const MoveSettings& settings = step.input.settings.move;
-  const FramingSettings& framing = step.input.settings.framing;
   if (settings.follow == Follow::kStay) return step.camera.pose.position_m;
-  return desired_place_m(step.targets.tracked_targets, shot.shown_offset_m(), step.lens, framing.framing_margin, settings);
+  return desired_place_m(step.targets.tracked_targets, shot.shown_offset_m(), place_lens(step), step.input.settings.framing.framing_margin, settings);
 }
 
 double route_radius_m(const StepContext& step) {
@@ -77,10 +76,11 @@ struct Stepper::Work {
   MoveScratch move;
   CutScratch cut;
 
-  StepContext context(const TargetsNow& targets, const CameraState& camera) const {
+  StepContext context(const TargetsNow& targets, const CameraState& camera, uint64_t decision) const {
     Lens lens = input->lens;
     lens.vertical_fov_rad = opening.zoom.vertical_fov_rad;
-    return {.input = *input, .targets = targets, .camera = camera, .lens = lens, .move_s = opening.move_s};
+    return {.input = *input, .targets = targets, .camera = camera, .lens = lens, .move_s = opening.move_s, .decides = opening.decides,
+            .decision_s = opening.decision_s, .decision = decision};
   }
   StageTimer time(const StageClock& clock, Stage stage) { return {clock, stage, stage_ns}; }
 };
@@ -108,7 +108,8 @@ MapOrder Stepper::begin(const StepInput& input, const StageClock& clock) {
   work.input.emplace(input);
   work.stage_ns.fill(0);
   open_step(input, carried, dump_.targets, work.opening);
-  const StepContext step = work.context(dump_.targets, carried.camera);
+  const StepContext step = work.context(dump_.targets, carried.camera, carried.in_force.decisions);
+  dump_.decided = step.decides;
   {  // 1. Where can the camera be soon?
     const StageTimer timer = work.time(clock, Stage::kBound);
     dump_.bound = reachable_bound(step, horizon_s(carried, input.settings.bound));
@@ -116,8 +117,12 @@ MapOrder Stepper::begin(const StepInput& input, const StageClock& clock) {
   {  // 2. Which maps are needed, and from which points?
     const StageTimer timer = work.time(clock, Stage::kSample);
     const SampleInput in{step, dump_.bound, work.opening.pasts, work.opening.shot, carried};
-    plan_sample(in, work.sample, dump_.plan);
-    plan_cut(in, carried, work.opening.target_jumped, work.sample.picker, work.cut, dump_.plan);
+    if (step.decides) {
+      plan_sample(in, work.sample, dump_.plan);
+      plan_cut(in, carried, work.opening.target_jumped, work.sample.picker, work.cut, dump_.plan);
+    } else {
+      plan_sights_alone(in, work.sample, dump_.plan);
+    }
   }
   if (dump_.plan.requests.empty()) dump_.maps.clear();
   return {dump_.plan.requests, &dump_.maps};
@@ -125,7 +130,7 @@ MapOrder Stepper::begin(const StepInput& input, const StageClock& clock) {
 
 StepResult Stepper::finish(const StageClock& clock) {
   Work& work = *work_;
-  const StepContext step = work.context(dump_.targets, carried_.camera);
+  const StepContext step = work.context(dump_.targets, carried_.camera, carried_.in_force.decisions);
   const TakenMaps taken{dump_.plan, dump_.maps, work.input->settings.aggregate};
   // Nothing can fail from here on, so the changes of `begin` are stored now.
   carried_.zoom = work.opening.zoom;
@@ -139,20 +144,26 @@ StepResult Stepper::finish(const StageClock& clock) {
   {  // 3. Which candidates see which targets, now and over the last steps, and which shot is best?
     const StageTimer timer = work.time(clock, Stage::kAggregate);
     const WantedShot before = carried_.shot;
-    search_viewpoints(step, taken, carried_.viewpoints, carried_.shot);
-    watch_asked_place(step, taken, carried_.shot);
-    line_up_shot(step, carried_.viewpoints, carried_.shot);
+    if (step.decides) {
+      search_viewpoints(step, taken, carried_.viewpoints, carried_.shot);
+      watch_asked_place(step, taken, carried_.shot);
+      line_up_shot(step, carried_.viewpoints, carried_.shot);
+    }
     dump_.new_shot = carried_.shot.other_viewpoint() != before.other_viewpoint() || carried_.shot.in_line_m.has_value() != before.in_line_m.has_value();
     if (step.targets.steered != 0) desired_m = desired_position_m(step, carried_.shot);
-    aggregate({step, dump_.bound, taken, desired_m}, carried_.candidates, work.aggregate, dump_.sights);
+    if (step.decides)
+      aggregate({step, dump_.bound, taken, desired_m}, carried_.candidates, work.aggregate, dump_.sights);
+    else
+      dump_.sights.candidates.clear(), dump_.sights.counts = carried_.in_force.counts;
   }
   {  // 4. Where to go, how fast, and which way to look? `choose_goal` (goal_search.cpp) chooses the candidate.
     const StageTimer timer = work.time(clock, Stage::kMove);
     if (step.move_s > 0) gather_colliders(step, dump_.bound, dump_.surroundings);
     const MoveInput in{step, carried_, dump_.bound, dump_.plan, dump_.sights, dump_.surroundings, desired_m};
-    dump_.decision = decide(in, work.move);
-    const CutPlace* place =
-        choose_cut(in, taken, work.opening.target_jumped, dump_.decision, work.move, carried_.cut);
+    const bool sees_nothing = step.target_count() > 0 && seen_from_own_position(step, taken) == 0;
+    dump_.decision = step.decides ? decide(in, work.move) : go_on(in, sees_nothing);
+    const CutPlace* place = choose_cut(in, taken, work.opening.target_jumped, dump_.decision, work.move, carried_.cut);
+    carried_.cut.target_jumped = jump_waits(in, work.opening.target_jumped);
     if (place) cut_to(in, taken, *place, work.move, carried_.shot, dump_.decision), begin_at_cut(*place);
     carried_.shot.cut_s = std::max(0.0, carried_.shot.cut_s - step.move_s);
   }
@@ -171,12 +182,31 @@ StepResult Stepper::finish(const StageClock& clock) {
   for (const uint64_t id : carried_.given_up)
     if (std::ranges::find(carried_.not_aimed_at, id) == carried_.not_aimed_at.end()) carried_.not_aimed_at.push_back(id);
 
-  StepResult result = report_step({*work.input, dump_, taken, carried_.pasts, carried_.given_up}, carried_.shares);
+  keep_decision(step);
+  StepResult result = report_step({*work.input, dump_, taken, carried_.pasts, carried_.given_up, carried_.in_force.seen}, carried_.shares);
   if (step.targets.steered != 0 && work.input->settings.move.follow == Follow::kOffset)
     result.shot = report_shot(step, carried_.shot, result.camera, picture_lens(step, result), {result.targets.begin(), result.targets.size()});
   note_sights(step, result, work.opening.target_jumped, carried_.shot.cut_s > 0, carried_.cut);
   result.stage_ns = work.stage_ns;
   return result;
+}
+
+// A paused step decides, but time does not pass.
+void Stepper::keep_decision(const StepContext& step) {
+  DecisionInForce& kept = carried_.in_force;
+  if (!step.decides) return static_cast<void>(kept.age_s += step.move_s);
+  const Decision& decision = dump_.decision;
+  ++kept.decisions;
+  if (step.move_s > 0) {
+    kept.age_s = 0.0, kept.is_due = decision.cut;
+    kept.tracking = decision.tracking;
+    kept.status = decision.status, kept.reason = decision.reason;
+    kept.view_way_m = decision.view_way_m, kept.sees_none = decision.sees_none, kept.nearest_view_m = decision.nearest_view_m;
+  }
+  kept.counts = dump_.sights.counts;
+  kept.target_ids.clear();
+  for (const uint64_t id : step.targets.ids) kept.target_ids.push_back(id);
+  kept.seen = step.target_count() > 0 ? dump_.sights.candidates.filtered()[dump_.sights.own_candidate] : 0;
 }
 
 // The state begins again as after place_camera, and the report uses the sights from the new place.

@@ -99,6 +99,8 @@ enum class ShotLimit { kMinDistance, kMaxDistance, kMinElevation, kMaxElevation,
 struct ShotReport {
   PlaceInFrame asked, now;
   ShotDeviation deviation;       // each at most 1
+  double asked_roll_rad = 0.0, roll_rad = 0.0;  // as ViewAngles::roll_rad
+  double roll_deviation = 0.0;                  // [0, 1]
   glm::dvec2 first_place{0.0};   // where the targets are to stay in the picture since they were there in the first one; half pictures
   double off_place = 0.0;        // half pictures; infinite with a target behind the camera
   double sight_loss = 0.0, worth = 0.0;
@@ -147,6 +149,8 @@ struct MapOrder {
 };
 
 // Steps one camera. Not thread-safe. Once its memory has grown to what the steps need, a step allocates nothing.
+struct StepContext;
+
 class Stepper {
  public:
   Stepper();
@@ -177,6 +181,7 @@ class Stepper {
  private:
   struct Work;
   void begin_at_cut(const CutPlace& place);
+  void keep_decision(const StepContext& step);
 
   CarriedState carried_;
   StepDump dump_;

@@ -22,6 +22,7 @@
 #include "server/aggregate/hidden_ahead.h"
 #include "server/sample/depth_map.h"
 #include "server/scene/clearance.h"
+#include "server/step/tracking.h"
 
 namespace sightline {
 
@@ -158,6 +159,7 @@ struct Decision {
   // Length of the way to the first candidate on it that is expected to see a target. Empty: the camera goes to none.
   std::optional<double> view_way_m;
   bool sees_none = false;      // no candidate that can be reached sees any target
+  std::optional<glm::dvec3> nearest_view_m;  // then: the nearest candidate that does see one
   glm::dvec3 wanted_mps{0.0};  // the velocity that leads to the goal, before collisions are avoided
   bool body_overlap = false, evading = false, deflected = false;  // as StepFlags
   bool cut = false;    // the camera jumps
@@ -167,13 +169,16 @@ struct Decision {
   double horizon_s = 0.0;
   std::optional<glm::dvec3> goal_m;  // see kGoalS (stages.h)
   bool follows = false;  // the goal is the desired position
+  Tracking tracking;     // how later steps carry it out
   std::optional<SummedGain> change;  // what the change between following and another course would gain; empty: they were not compared
   BlindState blind;      // strategy kMinCost
   InlineVector<PlanPoint, kSlices + 2> plan_m;  // the flight plan; empty unless the camera flies by one
   TargetIds not_aimed_at;  // steered targets that the picture cannot hold together with the others
 };
 
+// Between two decisions `bound`, the maps of the candidates and `sights.candidates` are empty or as they were.
 struct StepDump {
+  bool decided = true;
   TargetsNow targets;
   Bound bound;
   SamplePlan plan;

@@ -43,7 +43,7 @@ class StatusFinder {
     if (decision_.view_way_m) return move_to_view();
     const SightCounts& counts = step_.dump.sights.counts;
     const bool any_candidate = counts.all_visible + counts.some_visible > 0;
-    if (decision_.sees_none && any_candidate) return set_blocked(nearest_view_m());
+    if (decision_.sees_none && decision_.nearest_view_m) return set_blocked(*decision_.nearest_view_m);
     set(any_candidate || !decision_.sees_none ? TrackingStatus::kWaiting : TrackingStatus::kLost);
   }
 
@@ -110,21 +110,6 @@ class StatusFinder {
     const double wanted_mps = glm::length(decision_.wanted_mps);
     return decision_.deflected && wanted_mps > kLeastSpeedMps &&
            glm::dot(decision_.camera.velocity_mps, decision_.wanted_mps) < kLeastAdvance * wanted_mps * wanted_mps;
-  }
-
-  // The nearest candidate that sees a target. There is one.
-  glm::dvec3 nearest_view_m() const {
-    const CandidateSet& candidates = step_.dump.sights.candidates;
-    const std::span<const uint32_t> seen = candidates.filtered();
-    const glm::dvec3 from_m = decision_.camera.pose.position_m;
-    glm::dvec3 nearest_m = from_m;
-    double least_m = std::numeric_limits<double>::infinity();
-    for (size_t i = 0; i < seen.size(); ++i) {
-      if ((seen[i] & targets_.steered) == 0) continue;
-      const glm::dvec3 position_m = candidates.position_m[i];
-      if (const double m = glm::distance(from_m, position_m); m < least_m) least_m = m, nearest_m = position_m;
-    }
-    return nearest_m;
   }
 
   const ReportInput& step_;

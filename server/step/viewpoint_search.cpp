@@ -68,7 +68,7 @@ void choose_viewpoint(const StepContext& step, const ViewpointMap& viewpoints, W
   wish.asked_place = shot.asked_viewpoint = viewpoints.nearest_viewpoint(wish.asked_m);
   wish.former_place = shot.viewpoint.value_or(shot.asked_viewpoint);
   const bool is_seen = hidden_round_about(viewpoints, step.targets.tracked_targets, shot.asked_viewpoint) <= kAskedIsGoodBelow;
-  shot.asked_seen_s = is_seen ? shot.asked_seen_s + kStepsPerChoice * step.move_s : 0.0;
+  shot.asked_seen_s = is_seen ? shot.asked_seen_s + kStepsPerChoice * step.decision_s : 0.0;
   const bool is_good = !stand && shot.asked_seen_s >= kAskedIsGoodS;
   wish.take_asked_below = is_good ? kAskedIsGoodBelow : keep_shot_below;
   shot.viewpoint = choose_shot(viewpoints, step.targets.tracked_targets, wish, settings, std::cref(allowed));
@@ -85,9 +85,8 @@ void stop_search(ViewpointMap& viewpoints, WantedShot& shot) {
 }  // namespace
 
 glm::dvec3 framed_offset_m(const StepContext& step, const glm::dvec3& offset_m) {
-  const FramingSettings& framing = step.input.settings.framing;
-  return desired_place_m(step.targets.tracked_targets, offset_m, step.lens, framing.framing_margin, step.input.settings.move) -
-         step.center_m();
+  const double margin = step.input.settings.framing.framing_margin;
+  return desired_place_m(step.targets.tracked_targets, offset_m, place_lens(step), margin, step.input.settings.move) - step.center_m();
 }
 
 glm::dvec3 asked_place_m(const StepContext& step, const WantedShot& shot) {
@@ -110,8 +109,8 @@ double viewpoint_distance_m(const StepContext& step, const WantedShot& shot) {
 ViewpointLook plan_look(const SampleInput& in, std::vector<MapView>& views) {
   const StepInput& input = in.step.input;
   if (!searches(in.step)) return {};
-  ViewpointLook look{.searches = true, .target = input.tick % input.targets.size(), .maps = {}, .asked_sight = 0};
-  CounterRandom random(input.seed, input.tick, RandomPurpose::kViewpointSearch);
+  ViewpointLook look{.searches = true, .target = in.step.decision % input.targets.size(), .maps = {}, .asked_sight = 0};
+  CounterRandom random(input.seed, in.step.decision, RandomPurpose::kViewpointSearch);
   const glm::dvec3 eye_m = looking_point_m(looking_piece(input.scene, in.step.targets.pieces[look.target], random), random);
   const double x = random.next_unit(), y = random.next_unit();
   look.maps.first = static_cast<uint32_t>(views.size());
@@ -144,8 +143,8 @@ void search_viewpoints(const StepContext& step, const TakenMaps& taken, Viewpoin
   const double memory_s = step.input.settings.move.viewpoint_search.memory_s;
   viewpoints.follow(step.targets.ids, viewpoint_distance_m(step, shot));
   viewpoints.learn(look.target, taken.maps.subspan(look.maps.first, look.maps.count), step.center_m(),
-                   taken.settings.relative_bias, step.move_s * static_cast<double>(step.target_count()), memory_s);
-  if (knows_viewpoints(step, viewpoints) && step.input.tick % kStepsPerChoice == 0) choose_viewpoint(step, viewpoints, shot);
+                   taken.settings.relative_bias, step.decision_s * static_cast<double>(step.target_count()), memory_s);
+  if (knows_viewpoints(step, viewpoints) && step.decision % kStepsPerChoice == 0) choose_viewpoint(step, viewpoints, shot);
   if (!shot.viewpoint) return;
   // Viewpoints are coarse. If the client's nearest viewpoint is chosen, the camera takes exactly the client's shot.
   shot.offset_m =

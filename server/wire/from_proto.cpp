@@ -72,7 +72,7 @@ Status read_open(const v1::OpenSession& open, const SceneSource& source, Session
   if (Status ok = read_targets(open.targets(), out.convention, "open.targets", out.targets); !ok) return ok;
   if (Status ok = read_instances(open, source, out, warnings); !ok) return ok;
   // An empty shot too says which way models face, so that reports of a session without one are in the frame that the client would ask in.
-  if (Status ok = read_shot(open.shot(), out.convention, "open.shot", out.shot); !ok && open.has_shot()) return ok;
+  if (Status ok = read_shot(open.shot(), out.convention, out.lens.aspect, "open.shot", out.shot); !ok && open.has_shot()) return ok;
   out.shot.number = open.has_shot() ? 1 : 0;
   for (std::string& warning : suspect_sizes(out)) warnings.push_back(std::move(warning));
   for (std::string& warning : shot_warnings(out, "open.shot")) warnings.push_back(std::move(warning));
@@ -108,15 +108,26 @@ Status read_terms(const v1::Tick& tick, const Session& session, TickInput& out) 
     if (Status ok = read_lens(tick.lens(), session.convention(), "tick.lens", out.lens.emplace()); !ok)
       return ok;
   if (tick.has_shot())
-    if (Status ok = read_shot(tick.shot(), session.convention(), "tick.shot", out.shot.emplace()); !ok) return ok;
+    if (Status ok = read_shot(tick.shot(), session.convention(), out.lens.value_or(session.lens()).aspect, "tick.shot", out.shot.emplace()); !ok) return ok;
   if (tick.has_limits()) read_limits(tick.limits(), out.limits.emplace(session.limits()));
   if (!tick.has_settings() && !tick.has_tuning()) return {};
   return read_settings(tick.settings(), tick.tuning(), "tick.", out.settings.emplace(session.settings()));
 }
 
+// Positions in the tick are in the shifted world.
+Status shift_world(const v1::Tick& tick, Convention& convention, TickInput& out) {
+  glm::dvec3 shift(0.0);
+  if (Status ok = read_vector(tick.world_shift(), "tick.world_shift", shift); !ok) return ok;
+  out.world_shift_m = vector_from_client(convention, shift);
+  convention.origin_m += out.world_shift_m;
+  if (validate(convention)) return {};
+  return invalid("tick.world_shift", "takes the world origin farther than 1e15 m");
+}
+
 Status read_tick(const v1::Tick& tick, const Session& session, const SceneSource& source, TickInput& out) {
-  const Convention& convention = session.convention();
   if (Status ok = check_step_control(tick.step_control()); !ok) return ok;
+  Convention convention = session.convention();
+  if (Status ok = shift_world(tick, convention, out); !ok) return ok;
   out.sequence = tick.sequence();
   out.time_s = tick.time_s();
   if (tick.has_dt_s()) out.dt_s = tick.dt_s();

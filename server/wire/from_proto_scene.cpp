@@ -234,6 +234,8 @@ Status check_counts(const v1::Transforms& wire) {
     return wrong_count("rotations", wire.rotations_size(), "4 for each id, or none", 4 * n);
   if (wire.velocities_size() != 0 && (wire.velocities_size() / 3 != n || wire.velocities_size() % 3 != 0))
     return wrong_count("velocities", wire.velocities_size(), "3 for each id, or none", 3 * n);
+  if (wire.angular_velocities_size() != 0 && (wire.angular_velocities_size() / 3 != n || wire.angular_velocities_size() % 3 != 0))
+    return wrong_count("angular_velocities", wire.angular_velocities_size(), "3 for each id, or none", 3 * n);
   return {};
 }
 
@@ -330,6 +332,8 @@ Result<LoadedScene> read_scene(const v1::SceneRef& wire, const SceneSource& sour
   const std::string unit_field = field + ".metres_per_unit";
   if (Status ok = check_range(unit_field.c_str(), metres_per_unit, kMinUnitM, kMaxUnitM); !ok)
     return tl::unexpected(std::move(ok.error()));
+  glm::dvec3 place(0.0);
+  if (Status ok = read_vector(wire.position(), field + ".position", place); !ok) return tl::unexpected(std::move(ok.error()));
   auto bindings = read_bindings(wire, field + ".bindings");
   if (!bindings) return tl::unexpected(std::move(bindings.error()));
   auto asset = wire.has_hash() ? find_by_hash(wire.hash(), source, field + ".hash")
@@ -340,8 +344,9 @@ Result<LoadedScene> read_scene(const v1::SceneRef& wire, const SceneSource& sour
     const Error& e = instances.error();
     return fail(e.code, e.field.starts_with("bindings") ? field + "." + e.field : field, e.message);
   }
+  const glm::dvec3 from_file_m = convention.origin_m - vector_from_client(convention, place);
   for (NewInstance& instance : *instances) {
-    instance.pose.position_m = instance.pose.position_m * metres_per_unit - convention.origin_m;
+    instance.pose.position_m = instance.pose.position_m * metres_per_unit - from_file_m;
     instance.linear *= metres_per_unit;
   }
   return LoadedScene{std::move(*asset), std::move(*instances)};
@@ -386,6 +391,7 @@ Status read_transforms(const v1::Transforms& wire, const Convention& convention,
   if (Status ok = check_finite(wire.positions(), "positions"); !ok) return ok;
   if (Status ok = check_finite(wire.rotations(), "rotations"); !ok) return ok;
   if (Status ok = check_finite(wire.velocities(), "velocities"); !ok) return ok;
+  if (Status ok = check_finite(wire.angular_velocities(), "angular_velocities"); !ok) return ok;
 
   out.transforms.ids.assign(wire.ids().begin(), wire.ids().end());
   out.transforms.poses.resize(out.transforms.ids.size());
@@ -404,6 +410,8 @@ Status read_transforms(const v1::Transforms& wire, const Convention& convention,
   for (int i = 0; i < wire.velocities_size() / 3; ++i)
     out.transforms.velocities_mps.push_back(
         vector_from_client(convention, packed_vector(wire.velocities(), i)));
+  for (int i = 0; i < wire.angular_velocities_size() / 3; ++i)
+    out.transforms.angular_velocities_radps.push_back(angular_velocity_from_client(convention, packed_vector(wire.angular_velocities(), i)));
   return {};
 }
 

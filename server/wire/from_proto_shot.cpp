@@ -12,6 +12,7 @@ namespace sightline {
 namespace {
 
 constexpr double kFarthestM = 1e6, kLeastSize = 0.02, kFarthestPlace = 0.9, kMostOrbitRadps = 3.0, kLongestBlendS = 60.0, kMostTolerance = 3.0, kMostWeight = 10.0;
+constexpr double kMostRollRad = std::numbers::pi / 4, kFarthestDeadZone = 0.9, kLeastSoftZone = 0.02, kFarthestSoftZone = 2.0, kMostLeadRoom = 0.9;
 // A distance that is only just too great is not worth a word.
 constexpr double kRounded = 1.01;
 
@@ -87,6 +88,47 @@ Status read_picture_places(const v1::Shot& wire, const std::string& field, Asked
   return {};
 }
 
+Status read_zones(const v1::Shot& wire, const std::string& field, AskedShot& out) {
+  const std::string dead = field + ".dead_zone", soft = field + ".soft_zone";
+  if (wire.has_dead_zone()) {
+    glm::dvec2& zone = out.dead_zone.emplace();
+    if (Status ok = read_in_range(wire.dead_zone().x(), dead + ".x", 0.0, kFarthestDeadZone, zone.x); !ok) return ok;
+    if (Status ok = read_in_range(wire.dead_zone().y(), dead + ".y", 0.0, kFarthestDeadZone, zone.y); !ok) return ok;
+  }
+  const auto read_soft = [&](double sent, double dead_half, const std::string& at, double& zone) -> Status {
+    if (sent == 0) return {};
+    if (Status ok = read_in_range(sent, at, kLeastSoftZone, kFarthestSoftZone, zone); !ok) return ok;
+    return sent > dead_half ? Status{} : invalid(at, "must be greater than in dead_zone");
+  };
+  const glm::dvec2 least = out.dead_zone.value_or(glm::dvec2(0.0));
+  if (Status ok = read_soft(wire.soft_zone().x(), least.x, soft + ".x", out.soft_zone.x); !ok) return ok;
+  return read_soft(wire.soft_zone().y(), least.y, soft + ".y", out.soft_zone.y);
+}
+
+Status read_lens_range(const v1::Shot& wire, const Convention& convention, double aspect, const std::string& field, AskedShot& out) {
+  const double low = wire.min_field_of_view(), high = wire.max_field_of_view();
+  if (low == 0 && high == 0) return {};
+  const std::string min_field = field + ".min_field_of_view", max_field = field + ".max_field_of_view";
+  if (low == 0 || high == 0) return invalid(low == 0 ? min_field : max_field, "is required together with the other end of the range");
+  out.min_vertical_fov_rad = fov_from_client(convention, low, aspect), out.max_vertical_fov_rad = fov_from_client(convention, high, aspect);
+  const auto fits = [](double fov_rad) { return fov_rad > kMinFovRad && fov_rad < kMaxFovRad; };
+  if (!fits(out.min_vertical_fov_rad)) return invalid(min_field, "must be in (0.01, 3) radians measured vertically");
+  if (!fits(out.max_vertical_fov_rad)) return invalid(max_field, "must be in (0.01, 3) radians measured vertically");
+  return low <= high ? Status{} : invalid(max_field, "must be at least min_field_of_view");
+}
+
+// How the picture moves and leans.
+Status read_picture(const v1::Shot& wire, const Convention& convention, double aspect, const std::string& field, AskedShot& out) {
+  if (Status ok = read_picture_places(wire, field, out); !ok) return ok;
+  if (Status ok = read_zones(wire, field, out); !ok) return ok;
+  if (Status ok = read_in_range(wire.lead_room(), field + ".lead_room", 0.0, kMostLeadRoom, out.lead_room); !ok) return ok;
+  out.lead_by_heading = wire.lead_by_heading();
+  constexpr double kRoundedAngle = 1e-3;
+  if (Status ok = read_in_range(wire.roll_rad(), field + ".roll_rad", -kMostRollRad - kRoundedAngle, kMostRollRad + kRoundedAngle, out.roll_rad); !ok) return ok;
+  out.roll_rad = -out.roll_rad;  // the contract's turns the other way
+  return read_lens_range(wire, convention, aspect, field, out);
+}
+
 // From the camera to the middle of the targets with a weight.
 std::optional<double> first_distance_m(const SessionOptions& options) {
   glm::dvec3 sum_m(0.0);
@@ -108,14 +150,14 @@ std::string sentence(const char* format, double asked, double limit) {
 
 }  // namespace
 
-Status read_shot(const v1::Shot& wire, const Convention& convention, const std::string& field, AskedShot& out) {
+Status read_shot(const v1::Shot& wire, const Convention& convention, double aspect, const std::string& field, AskedShot& out) {
   if (static_cast<size_t>(wire.subject_ids_size()) > kMaxShotSubjects)
     return fail(ErrorCode::kResourceExhausted, field + ".subject_ids", "at most " + std::to_string(kMaxShotSubjects) + ", got " + std::to_string(wire.subject_ids_size()));
   out.subject_ids.assign(wire.subject_ids().begin(), wire.subject_ids().end());
   if (Status ok = read_frame(wire, field, out); !ok) return ok;
   if (Status ok = read_front(wire, convention, field, out); !ok) return ok;
   if (Status ok = read_place(wire, convention, field, out); !ok) return ok;
-  if (Status ok = read_picture_places(wire, field, out); !ok) return ok;
+  if (Status ok = read_picture(wire, convention, aspect, field, out); !ok) return ok;
   if (wire.has_weight())
     if (Status ok = read_in_range(wire.weight(), field + ".weight", 0.0, kMostWeight, out.weight); !ok) return ok;
   if (wire.has_tolerance())

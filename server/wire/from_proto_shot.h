@@ -11,8 +11,8 @@
 namespace sightline {
 
 // Fails with `field` or a path below it: numbers that are not finite or out of range, unknown enums, too many entries, a vertical front, a line without an
-// end. Ids need not exist. AskedShot::number is left as it is.
-Status read_shot(const v1::Shot& wire, const Convention& convention, const std::string& field, AskedShot& out);
+// end, half a lens range. Ids need not exist. AskedShot::number is left as it is. `aspect`: of the lens, for conventions whose fields of view are horizontal.
+Status read_shot(const v1::Shot& wire, const Convention& convention, double aspect, const std::string& field, AskedShot& out);
 
 // What cannot be: the shot's distance or height, or the first pose's distance, is beyond the settings' limits, or no subject is an instance. One sentence
 // each, beginning with `field` or "open.camera".

@@ -172,6 +172,7 @@ void set(const ShotReport& report, double metres_per_unit, v1::ShotReport& out) 
   out.set_hidden_share(report.hidden_share);
   out.set_hidden_by(report.hidden_by);
   out.set_hidden_target(report.hidden_target);
+  set(-report.asked_roll_rad, -report.roll_rad, report.roll_deviation, *out.mutable_roll());
   out.set_place_x(report.first_place.x), out.set_place_y(report.first_place.y);
 }
 

@@ -301,12 +301,47 @@ def resume():
     ]), "equalWithoutInterruption": True}
 
 
+def shift():
+    """The client's world gets a new origin twice, and the session goes on in other daemons."""
+    shifts = {15: [1000, 0, -500], 40: [-3000, 20, 0]}
+
+    def world(n):
+        return [sum(by[axis] for at, by in shifts.items() if at <= n) for axis in range(3)]
+
+    def moved(place, n):
+        return [a + b for a, b in zip(place, world(n))]
+
+    def tick(n, **more):
+        by = {"worldShift": named(shifts[n])} if n in shifts else {}
+        positions = moved([2 * math.sin(n / 20), 0.9, 0], n) + moved([2 * math.sin(n / 20) + 1.2, 0.9, 0], n)
+        x, y, z = moved([0, 1.6, 6], n)
+        near = {"position": {name: {"between": [value - 8, value + 8]} for name, value in zip("xyz", (x, y, z))}}
+        return {"tick": {"timeS": n / 60, "transforms": {"ids": ["1", "2"], "positions": positions}, **by, **more},
+                "expect": {"camera": {"timeS": n / 60, "pose": near}}}
+
+    def ticks(first, n):
+        return [tick(i) for i in range(first, first + n)]
+
+    added = box(5, [1e-3 * round(1e3 * v) for v in moved((5, 1, 5), 20)], (1, 1, 1))
+    return {**session("Worlds that get a new origin, before daemons are killed and after.", [
+        {"open": opening(scene={"hash": court.HASH, "bindings": [{"node": "post", "id": "7"}]},
+                         instances=[*opening()["instances"], box(3, (-2, 1, 3), (1, 2, 0.3)), box(4, (3, 1, 3), (1, 2, 1))]),
+         "expect": {"opened": {"instanceCount": "6"}}},
+        tick(0), tick(1, delta={"addedInstances": [box(6, (2, 1, -3), (1, 1, 1))]}), *ticks(2, 18),
+        tick(20, delta={"addedInstances": [added]}), *ticks(21, 9),
+        {"daemon": "kill"},
+        *ticks(30, 20),
+        {"daemon": "kill"},
+        *ticks(50, 10),
+    ]), "likeWithoutInterruption": True}
+
+
 def main():
     folder = pathlib.Path(sys.argv[1])
     folder.mkdir(parents=True, exist_ok=True)
     court.write(folder / "court.glb")
     made = {f"convention_{frame.name}": convention(frame) for frame in FRAMES}
-    made |= {make.__name__: make() for make in (numbers, errors, settings, body, resync, resume)}
+    made |= {make.__name__: make() for make in (numbers, errors, settings, body, resync, resume, shift)}
     for name, content in made.items():
         lines = ",\n".join("    " + json.dumps(step) for step in content.pop("steps"))
         head = "".join(f"  {json.dumps(key)}: {json.dumps(value)},\n" for key, value in content.items())

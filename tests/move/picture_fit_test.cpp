@@ -19,7 +19,7 @@ std::vector<float> shares(const std::vector<glm::dvec3>& eye_m, const std::vecto
   PictureFit fit;
   fit.set_places(eye_m);
   std::vector<float> share(eye_m.size(), -1.0f);
-  fit.outside_share(bodies, kLens, margin, share);
+  fit.outside_share(bodies, kLens, margin, 0.0, share);
   return share;
 }
 Body standing(const glm::dvec3& middle_m, double height_m = 1.8, double aside_m = 0.3, double weight = 1) {

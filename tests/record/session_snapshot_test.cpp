@@ -191,6 +191,14 @@ class SnapshotTick : public testing::TestWithParam<std::tuple<Turning, v1::Conve
     }
   }
 
+  // What is sent from now on is in the shifted world.
+  void shift(v1::Tick& tick) {
+    const std::array<double, 3> by{100 * coordinate(), 0, 100 * coordinate()};
+    set(*tick.mutable_world_shift(), by[0], by[1], by[2]);
+    for (auto& [id, position] : last_)
+      for (size_t axis = 0; axis < 3; ++axis) position[axis] += by[axis];
+  }
+
   void change_structure(v1::Tick& tick) {
     v1::SceneDelta& delta = *tick.mutable_delta();
     const std::vector<uint64_t> ids = living();
@@ -277,6 +285,7 @@ class SnapshotTick : public testing::TestWithParam<std::tuple<Turning, v1::Conve
       return std::find(removed.begin(), removed.end(), id) != removed.end();
     });
     for (const v1::NewInstance& added : tick.delta().added_instances()) ids.push_back(added.id());
+    if (shifts_ && chance(0.1)) shift(tick);
     if (chance(0.8)) move(tick, some(ids, 0.3));
     if (chance(0.15)) change_targets(tick);
     if (chance(0.3)) change_terms(tick);
@@ -324,13 +333,14 @@ class SnapshotTick : public testing::TestWithParam<std::tuple<Turning, v1::Conve
       EXPECT_EQ(x.attributes, y->attributes) << x.id;
       EXPECT_EQ(x.linear, y->linear) << x.id;
       EXPECT_EQ(x.moving, y->moving) << x.id;
-      EXPECT_EQ(x.pose.position_m, y->pose.position_m) << x.id;
+      EXPECT_LE(glm::distance(x.pose.position_m, y->pose.position_m), shifts_ ? 1e-9 : 0.0) << x.id;
       EXPECT_LE(glm::length(x.pose.rotation - y->pose.rotation), rotations_within()) << x.id;
       differ_in_bits += x.pose.rotation != y->pose.rotation;
       const bool derived = y->velocity_mps == glm::dvec3(0.0) || !velocities;
       EXPECT_TRUE(derived || x.velocity_mps == y->velocity_mps) << x.id;
     }
-    if (differ_in_bits == 0) {
+    EXPECT_LE(glm::distance(a.convention().origin_m, b.convention().origin_m), 1e-9);
+    if (differ_in_bits == 0 && !shifts_) {
       EXPECT_EQ(a.mirror().hash(), b.mirror().hash());
     }
     EXPECT_EQ(targets_of(a), targets_of(b));
@@ -373,6 +383,7 @@ class SnapshotTick : public testing::TestWithParam<std::tuple<Turning, v1::Conve
   std::shared_ptr<const SceneAsset> asset_;
   v1::OpenSession open_;
   Turning turning_ = Turning::kAlways;
+  bool shifts_ = false;  // the world gets a new origin now and then
   CounterRandom dice_{1, 0, RandomPurpose::kTest};
   std::unique_ptr<LocalSession> truth_;
   SessionSnapshot snapshot_;
@@ -409,6 +420,18 @@ TEST_P(SnapshotTick, GivesASessionTheStateOfOneThatReceivedEveryTick) {
     EXPECT_EQ(restored->apply(without_revision(more), rejection), applied) << rejection.message();
     expect_same(truth_->session(), restored->session(), false);
   }
+}
+
+TEST_P(SnapshotTick, GivesASessionTheStateOfOneWhoseWorldWasShifted) {
+  const auto [turning, convention, seed] = GetParam();
+  start(turning, convention, seed);
+  shifts_ = true;
+  for (int batch = 0; batch < 60; ++batch) play(1 + static_cast<int>(dice_.next_below(4)));
+  EXPECT_GT(glm::length(truth_->session().convention().origin_m), 1.0);
+  const auto restored = open_session();
+  v1::TickError rejection;
+  ASSERT_TRUE(restored->apply(snapshot_.tick(), rejection)) << rejection.message();
+  expect_same(truth_->session(), restored->session(), true);
 }
 
 INSTANTIATE_TEST_SUITE_P(

@@ -224,9 +224,9 @@ void expect_tree_of(const OccluderTree& tree, const std::set<uint32_t>& slots, c
     for (uint32_t i = node.first_index; i < node.first_index + node.index_count; ++i) {
       const Instance& instance = mirror.instances()[tree.occluders[i].slot];
       EXPECT_TRUE(found.insert(tree.occluders[i].slot).second);
-      for (const double at_s : {0.0, ahead_s})
+      for (const double at_s : {0.0, 0.3 * ahead_s, ahead_s})
         for (int axis = 0; axis < 3; ++axis) {
-          const double center = (instance.center_m + travel_m(instance, at_s))[axis];
+          const double center = transform_point(world_from_instance_ahead(instance, at_s), glm::dvec3(instance.geometry->center))[axis];
           EXPECT_LE(node.bounds.min[axis], center - instance.radius_m);
           EXPECT_GE(node.bounds.max[axis], center + instance.radius_m);
         }
@@ -244,7 +244,7 @@ TEST(OccluderTreeTest, HoldsEveryOccluderOnceWithinItsBoxesNowAndAhead) {
     OccluderTable table;
     for (int round = 0; round < 3; ++round) {
       TransformUpdate moves = maker.moves(mirror, 40);
-      for (size_t i = 0; i < moves.ids.size(); ++i) moves.velocities_mps.emplace_back(3.0, -1.0, 2.0);
+      for (size_t i = 0; i < moves.ids.size(); ++i) moves.velocities_mps.emplace_back(3.0, -1.0, 2.0), moves.angular_velocities_radps.emplace_back(i % 3, 4.0, 0.0);
       ASSERT_TRUE(mirror.apply({}, moves));
       table.take_in(mirror, kAheadS);
       std::set<uint32_t> fixed, moving;

@@ -159,9 +159,14 @@ TEST_F(EmbreeMapsTest, HoldWhatTheSceneWillBeAhead) {
     for (SceneMirror& mirror : mirrors) ASSERT_TRUE(mirror.apply(scene, {}));
     TransformUpdate moves = maker.moves(mirrors[0], 12);
     moves.velocities_mps.resize(moves.ids.size(), {1.5, -0.5, 2.0});
+    const glm::dvec3 turning_radps(0.0, 2.5, 0.0);
+    for (size_t i = 0; i < moves.ids.size(); ++i) moves.angular_velocities_radps.push_back(i % 2 == 0 ? turning_radps : glm::dvec3(0.0));
     for (size_t k = 0; k < mirrors.size(); ++k) {
       TransformUpdate then = moves;
-      for (size_t i = 0; i < moves.ids.size(); ++i) then.poses[i].position_m += kAheadS[k] * moves.velocities_mps[i];
+      for (size_t i = 0; i < moves.ids.size(); ++i) {
+        then.poses[i].position_m += kAheadS[k] * moves.velocities_mps[i];
+        if (i % 2 == 0) then.poses[i].rotation = glm::angleAxis(kAheadS[k] * turning_radps.y, glm::dvec3(0, 1, 0)) * then.poses[i].rotation;
+      }
       ASSERT_TRUE(mirrors[k].apply({}, then));
     }
     Requests requests(maker, 12, 16);

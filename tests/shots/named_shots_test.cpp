@@ -33,7 +33,7 @@ TEST(NamedShots, EachIsAPartOfATickThatTheServerTakes) {
     EXPECT_TRUE(read_settings(tick->settings(), {}, "tick.", settings)) << shot.name;
     EXPECT_TRUE(validate(settings)) << shot.name;
     AskedShot asked;
-    EXPECT_TRUE(!tick->has_shot() || read_shot(tick->shot(), gltf_convention(), "tick.shot", asked)) << shot.name;
+    EXPECT_TRUE(!tick->has_shot() || read_shot(tick->shot(), gltf_convention(), Lens{}.aspect, "tick.shot", asked)) << shot.name;
   }
 }
 
@@ -62,7 +62,7 @@ TEST(NamedShots, OnOpenGroundEachIsTakenAndKept) {
     const auto tick = named_shot(named.name, 1, 2);
     ASSERT_TRUE(tick) << named.name;
     ASSERT_TRUE(read_settings(tick->settings(), {}, "tick.", world.settings));
-    ASSERT_TRUE(read_shot(tick->shot(), gltf_convention(), "tick.shot", world.shot));
+    ASSERT_TRUE(read_shot(tick->shot(), gltf_convention(), Lens{}.aspect, "tick.shot", world.shot));
     world.shot.number = 1;
     Watch watch(world);
     StepResult result;

@@ -29,7 +29,7 @@ v1::Shot full_shot() {
 
 TEST(ShotOnTheWire, EveryFieldArrivesInCanonicalUnits) {
   AskedShot read;
-  ASSERT_TRUE(read_shot(full_shot(), unreal_convention(), "open.shot", read));
+  ASSERT_TRUE(read_shot(full_shot(), unreal_convention(), Lens{}.aspect, "open.shot", read));
   EXPECT_EQ(read.subject_ids, (std::vector<uint64_t>{7, 8}));
   EXPECT_EQ(read.frame, ShotFrame::kLine);
   EXPECT_EQ(read.frame_id, 7u);
@@ -53,7 +53,7 @@ TEST(ShotOnTheWire, EveryFieldArrivesInCanonicalUnits) {
 TEST(ShotOnTheWire, TheFrontOfAModelIsThatOfTheConvention) {
   const auto front = [](const Convention& convention, const v1::Shot& shot = {}) {
     AskedShot read;
-    EXPECT_TRUE(read_shot(shot, convention, "shot", read));
+    EXPECT_TRUE(read_shot(shot, convention, Lens{}.aspect, "shot", read));
     return read.front;
   };
   EXPECT_EQ(front(gltf_convention()), glm::dvec3(0, 0, 1));
@@ -97,21 +97,21 @@ TEST(ShotOnTheWire, WrongValuesAreRefusedByName) {
     v1::Shot shot = full_shot();
     change(shot);
     AskedShot read;
-    const Status status = read_shot(shot, gltf_convention(), "shot", read);
+    const Status status = read_shot(shot, gltf_convention(), Lens{}.aspect, "shot", read);
     ASSERT_FALSE(status) << field;
     EXPECT_EQ(status.error().field, field) << status.error().message;
   }
   v1::Shot many = full_shot();
   for (uint64_t id = 10; id < 50; ++id) many.add_subject_ids(id);
   AskedShot read;
-  EXPECT_EQ(read_shot(many, gltf_convention(), "shot", read).error().code, ErrorCode::kResourceExhausted);
+  EXPECT_EQ(read_shot(many, gltf_convention(), Lens{}.aspect, "shot", read).error().code, ErrorCode::kResourceExhausted);
 }
 
 TEST(ShotOnTheWire, RoundedRightAnglesAreRightAngles) {
   v1::Shot shot;
   shot.set_height_rad(1.5708), shot.set_side_rad(3.1416);
   AskedShot read;
-  ASSERT_TRUE(read_shot(shot, gltf_convention(), "shot", read));
+  ASSERT_TRUE(read_shot(shot, gltf_convention(), Lens{}.aspect, "shot", read));
   EXPECT_EQ(read.height_rad, std::numbers::pi / 2);
 }
 

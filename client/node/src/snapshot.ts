@@ -1,6 +1,7 @@
 // The state of a session as the client knows it, so that the session can go on in another daemon.
 import {clone, create, mergeFromBinary, toBinary, type DescMessage, type MessageShape} from "@bufbuild/protobuf";
 
+import {Pose3Schema, Vec3Schema, type Pose3, type Vec3} from "./gen/sightline/v1/camera_pb.js";
 import {TickError_Code, type TickError} from "./gen/sightline/v1/errors_pb.js";
 import {
   AttributeChangeSchema, SceneDeltaSchema, TransformsSchema, type Attributes, type NewInstance, type SceneDelta, type Transforms,
@@ -11,6 +12,16 @@ import {
 import {CameraLimitsSchema, Settings_Preset, SettingsSchema} from "./gen/sightline/v1/settings_pb.js";
 import {Shot_PlaceSchema, ShotSchema, type Shot, type ShotReport} from "./gen/sightline/v1/shot_pb.js";
 import {TuningSchema} from "./gen/sightline/tuning/v1alpha1/tuning_pb.js";
+
+function shifted(place: Vec3 | undefined, shift: Vec3 | undefined, sign: number): Vec3 {
+  return create(Vec3Schema, {
+    x: (place?.x ?? 0) + sign * (shift?.x ?? 0), y: (place?.y ?? 0) + sign * (shift?.y ?? 0), z: (place?.z ?? 0) + sign * (shift?.z ?? 0),
+  });
+}
+
+function shiftedPose(pose: Pose3 | undefined, shift: Vec3 | undefined, sign: number): Pose3 {
+  return create(Pose3Schema, {position: shifted(pose?.position, shift, sign), rotation: pose?.rotation});
+}
 
 // The changes that ticks made to one instance.
 interface Change {
@@ -27,7 +38,7 @@ interface Change {
 // The shot goes on. The camera's memory of the things that it had seen before is lost.
 export class Snapshot {
   private readonly changes = new Map<bigint, Change>(); // in the order of the first change
-  private readonly terms = create(TickSchema); // targets, lens, settings, limits and tuning that replace those of the opening
+  private readonly terms = create(TickSchema); // targets, lens, settings, limits and tuning that replace those of the opening, and how far the world was shifted since
   private timeS = 0;
   private camera?: ObservedCamera;
   private kept?: ShotReport; // of the newest reply
@@ -37,6 +48,7 @@ export class Snapshot {
 
   // Takes a tick that the daemon has applied.
   apply(tick: Tick): void {
+    if (tick.worldShift) this.shiftWorld(tick.worldShift);
     if (tick.delta) this.applyDelta(tick.delta);
     if (tick.transforms) this.move(tick.transforms);
     this.takeTerms(tick);
@@ -48,11 +60,23 @@ export class Snapshot {
     this.kept = shot;
   }
 
-  // The first message of the session that goes on: as at first, but with the camera where it is now.
+  private shiftWorld(shift: Vec3): void {
+    this.terms.worldShift = shifted(this.terms.worldShift, shift, 1);
+    for (const change of this.changes.values()) {
+      if (change.added) change.added = {...change.added, pose: shiftedPose(change.added.pose, shift, 1)};
+      if (change.position) {
+        const [x = 0, y = 0, z = 0] = change.position;
+        change.position = [x + shift.x, y + shift.y, z + shift.z];
+      }
+    }
+    if (this.camera) this.camera = {...this.camera, pose: shiftedPose(this.camera.pose, shift, 1)};
+  }
+
+  // The first message of the session that goes on: as at first, and before the world was shifted, but with the camera where it is now.
   opening(): OpenSession {
     const request = clone(OpenSessionSchema, this.first);
     request.shot = this.shot ?? request.shot;
-    if (this.camera) request.camera = this.camera.pose, this.goOnWithShot(request);
+    if (this.camera) request.camera = shiftedPose(this.camera.pose, this.terms.worldShift, -1), this.goOnWithShot(request);
     return request;
   }
 
@@ -79,10 +103,10 @@ export class Snapshot {
     const all = [...this.changes];
     const turned = all.filter(([, change]) => change.rotation);
     const moved = all.filter(([, change]) => change.position && !change.rotation);
-    const {targets, lens, settings, limits, tuning} = this.terms;
+    const {targets, lens, settings, limits, tuning, worldShift} = this.terms;
     const first = create(TickSchema, {
       observedCamera: this.camera, delta: this.delta(), transforms: transformsOf(turned.length ? turned : moved),
-      targets, lens, settings, limits, tuning,
+      targets, lens, settings, limits, tuning, worldShift,
     });
     // Rotations are sent for all instances of a tick or for none.
     const ticks = turned.length && moved.length ? [first, create(TickSchema, {transforms: transformsOf(moved)})] : [first];

@@ -4,6 +4,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Dict, List, Optional, Tuple
 
+from sightline.v1.camera_pb2 import Vec3
 from sightline.v1.errors_pb2 import TickError
 from sightline.v1.scene_pb2 import Attributes, NewInstance, SceneDelta, Transforms
 from sightline.v1.session_pb2 import CameraReply, ObservedCamera, OpenSession, StepControl, Tick
@@ -31,13 +32,15 @@ class Snapshot:
         self._opening = OpenSession()
         self._opening.CopyFrom(opening)
         self._changes: Dict[int, _Change] = {}  # in the order of the first change
-        self._terms = Tick()  # targets, lens, settings, limits and tuning that replace those of the opening
+        self._terms = Tick()  # targets, lens, settings, limits and tuning that replace those of the opening, and how far the world was shifted since
         self._time_s = 0.0
         self._camera: Optional[ObservedCamera] = None
         self._kept: Optional[ShotReport] = None  # of the newest reply
 
     def apply(self, tick: Tick) -> None:
         """Takes a tick that the daemon has applied."""
+        if tick.HasField("world_shift"):
+            self._shift_world(tick.world_shift)
         for id_ in tick.delta.removed_ids:
             known = self._changes.pop(id_, _Change())
             if known.removed or known.added is None:
@@ -55,12 +58,27 @@ class Snapshot:
         self._camera = ObservedCamera(pose=reply.pose, velocity=reply.velocity, angular_velocity=reply.angular_velocity)
         self._kept = reply.shot if reply.HasField("shot") else None
 
+    def _shift_world(self, shift: Vec3) -> None:
+        _add(shift, 1, self._terms.world_shift)
+        for change in self._changes.values():
+            if change.added is not None:
+                added = NewInstance()
+                added.CopyFrom(change.added)
+                _add(shift, 1, added.pose.position)
+                change.added = added
+            if change.position is not None:
+                x, y, z = change.position
+                change.position = (x + shift.x, y + shift.y, z + shift.z)
+        if self._camera is not None:
+            _add(shift, 1, self._camera.pose.position)
+
     def opening(self) -> OpenSession:
-        """The first message of the session that goes on: as at first, but with the camera where it is now."""
+        """The first message of the session that goes on: as at first, and before the world was shifted, but with the camera where it is now."""
         request = OpenSession()
         request.CopyFrom(self._opening)
         if self._camera is not None:
             request.camera.CopyFrom(self._camera.pose)
+            _add(self._terms.world_shift, -1, request.camera.position)
             self._go_on_with_shot(request)
         return request
 
@@ -145,6 +163,12 @@ class Snapshot:
             if change.attributes is not None:
                 delta.changed_instances.add(id=id_, attributes=change.attributes)
         return delta if delta.ByteSize() else None
+
+
+def _add(shift: Vec3, sign: int, place: Vec3) -> None:
+    place.x += sign * shift.x
+    place.y += sign * shift.y
+    place.z += sign * shift.z
 
 
 def _transforms(changes: Dict[int, _Change]) -> Optional[Transforms]:

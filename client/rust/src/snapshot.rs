@@ -5,8 +5,13 @@ use prost::Message;
 
 use crate::v1::{
     settings::Preset, shot::{Far, Place}, tick_error, AttributeChange, Attributes, CameraReply, NewInstance, ObservedCamera, OpenSession, SceneDelta, Shot,
-    ShotReport, StepControl, Tick, TickError, Transforms,
+    Pose3, ShotReport, StepControl, Tick, TickError, Transforms, Vec3,
 };
+
+fn shifted(place: Option<Vec3>, shift: &Vec3, sign: f64) -> Vec3 {
+    let place = place.unwrap_or_default();
+    Vec3 { x: place.x + sign * shift.x, y: place.y + sign * shift.y, z: place.z + sign * shift.z }
+}
 
 /// The changes that ticks made to one instance.
 #[derive(Default)]
@@ -26,7 +31,7 @@ pub(crate) struct Snapshot {
     first: OpenSession,
     changes: HashMap<u64, Change>,
     order: Vec<u64>, // the keys of `changes`, in the order of the first change
-    terms: Tick,     // targets, lens, settings, limits and tuning that replace those of the opening
+    terms: Tick,     // targets, lens, settings, limits and tuning that replace those of the opening, and how far the world was shifted since
     time_s: f64,
     camera: Option<ObservedCamera>,
     kept: Option<ShotReport>, // of the newest reply
@@ -39,6 +44,9 @@ impl Snapshot {
 
     /// Takes a tick that the daemon has applied.
     pub fn apply(&mut self, tick: &Tick) {
+        if let Some(shift) = &tick.world_shift {
+            self.shift_world(shift);
+        }
         if let Some(delta) = &tick.delta {
             self.apply_delta(delta);
         }
@@ -59,11 +67,32 @@ impl Snapshot {
         self.kept = reply.shot.clone();
     }
 
-    /// The first message of the session that goes on: as at first, but with the camera where it is now.
+    fn shift_world(&mut self, shift: &Vec3) {
+        self.terms.world_shift = Some(shifted(self.terms.world_shift, shift, 1.0));
+        for change in self.changes.values_mut() {
+            if let Some(added) = &mut change.added {
+                let pose = added.pose.unwrap_or_default();
+                added.pose = Some(Pose3 { position: Some(shifted(pose.position, shift, 1.0)), ..pose });
+            }
+            if let Some(position) = &mut change.position {
+                for (axis, by) in [shift.x, shift.y, shift.z].into_iter().enumerate() {
+                    position[axis] += by;
+                }
+            }
+        }
+        if let Some(pose) = self.camera.as_mut().and_then(|camera| camera.pose.as_mut()) {
+            pose.position = Some(shifted(pose.position, shift, 1.0));
+        }
+    }
+
+    /// The first message of the session that goes on: as at first, and before the world was shifted, but with the camera where it is now.
     pub fn opening(&self) -> OpenSession {
         let mut request = self.first.clone();
         if let Some(camera) = &self.camera {
             request.camera = camera.pose;
+            if let (Some(pose), Some(shift)) = (&mut request.camera, &self.terms.world_shift) {
+                pose.position = Some(shifted(pose.position, shift, -1.0));
+            }
             self.go_on_with_shot(&mut request);
         }
         request
