@@ -1,6 +1,7 @@
 #include "client/cpp/camera.h"
 
 #include <algorithm>
+#include <atomic>
 #include <optional>
 #include <random>
 #include <thread>
@@ -18,17 +19,19 @@ constexpr milliseconds kShortestPause{50}, kLongestPause{1'000};
 // A daemon resumes a session at once, or not at all.
 constexpr milliseconds kResumeTimeout{2'000};
 
-// True if another attempt, or another daemon, may help.
-bool is_lost(const Error& error, bool opening) {
-  return error.code == ErrorCode::kUnavailable || error.code == ErrorCode::kInternal ||
-         (opening && error.code == ErrorCode::kResourceExhausted);
-}
+// A waiting tick looks so often whether it is interrupted.
+constexpr milliseconds kLook{50};
 
 bool lacks_scene(const Error& error) {
   return error.code == ErrorCode::kNotFound && error.field.find("scene") != std::string::npos;
 }
 
 }  // namespace
+
+bool is_lost(const Error& error, bool opening) {
+  return error.code == ErrorCode::kUnavailable || error.code == ErrorCode::kInternal ||
+         (opening && error.code == ErrorCode::kResourceExhausted);
+}
 
 struct Camera::State {
   State(std::vector<std::string> reachable, v1::OpenSession opening, CameraOptions wanted)
@@ -48,6 +51,7 @@ struct Camera::State {
   std::string token;      // of the session in the daemon at `address`, also while it is lost; empty: it cannot be resumed
   uint64_t answered = 0;  // the newest tick of this session that was answered
   std::minstd_rand random{std::random_device{}()};
+  std::atomic<bool> interrupted = false;
 
   Status open();
   Status open_session(bool uploads);
@@ -56,6 +60,7 @@ struct Camera::State {
   Result<bool> resume(uint64_t wanted);
   void tell_past(v1::Tick& next);
   Result<Answer> ask(const v1::Tick& tick);
+  Result<std::optional<SessionEvent>> next_event();
   Result<Answer> wait_for_answer(const v1::Tick& tick);
   Result<Answer> try_to_ask(v1::Tick& tick, bool& opening, bool& reopened);
   Result<Answer> ask_until_answered(v1::Tick& tick);
@@ -141,9 +146,20 @@ Result<Camera::Answer> Camera::State::ask(const v1::Tick& tick) {
   return wait_for_answer(tick);
 }
 
+// Nothing: none came within the reply timeout.
+Result<std::optional<SessionEvent>> Camera::State::next_event() {
+  const auto late = steady_clock::now() + options.reply_timeout;
+  while (true) {
+    if (interrupted) return fail(ErrorCode::kUnavailable, "session", "interrupted");
+    const auto left = std::chrono::duration_cast<std::chrono::nanoseconds>(late - steady_clock::now());
+    auto event = session->receive(std::clamp<std::chrono::nanoseconds>(left, milliseconds(0), kLook));
+    if (!event || *event || left <= milliseconds(0)) return event;
+  }
+}
+
 Result<Camera::Answer> Camera::State::wait_for_answer(const v1::Tick& tick) {
   while (true) {
-    auto event = session->receive(options.reply_timeout);
+    auto event = next_event();
     if (!event && drained) return fail(ErrorCode::kUnavailable, "session", *drained);
     if (!event) return tl::unexpected(event.error());
     if (!*event) return fail(ErrorCode::kUnavailable, "deadline", "the daemon has not answered in time");
@@ -189,7 +205,7 @@ Result<Camera::Answer> Camera::State::ask_until_answered(v1::Tick& tick) {
     }
     if (!reason) reason = answer.error().message;
     leave();
-    if (!is_lost(answer.error(), opening) || steady_clock::now() >= give_up) return answer;
+    if (interrupted || !is_lost(answer.error(), opening) || steady_clock::now() >= give_up) return answer;
     pause(longest);
   }
 }
@@ -241,6 +257,10 @@ size_t Camera::resyncs() const {
 
 size_t Camera::resumes() const {
   return state_->resumes;
+}
+
+void Camera::interrupt() {
+  state_->interrupted = true;
 }
 
 Status Camera::close() {

@@ -1,5 +1,4 @@
-// A camera whose session survives its daemon. Each tick waits for its reply; a game whose frame must not wait uses ClientSession
-// (sightline_client.h), or calls tick() on a thread of its own.
+// A camera whose session survives its daemon. Each tick waits for its reply; a game whose frame must not wait uses LiveCamera (live_camera.h).
 //
 //   auto camera = sightline::Camera::open({"127.0.0.1:50151"}, open);
 //   auto answer = camera->tick(tick);      // a CameraReply, a TickError, or the Error of a session that is lost for good
@@ -68,10 +67,16 @@ class Camera {
   // Ends the session in order.
   Status close();
 
+  // Ends a tick() that waits on another thread. This call and all later ones fail with kUnavailable.
+  void interrupt();
+
  private:
   struct State;
   explicit Camera(std::unique_ptr<State> state);
   std::unique_ptr<State> state_;
 };
+
+// True if another attempt, or another daemon, may help after this error of a tick, or of an opening.
+bool is_lost(const Error& error, bool opening);
 
 }  // namespace sightline

@@ -2,7 +2,7 @@
 include(GNUInstallDirs)
 set(headers ${CMAKE_INSTALL_INCLUDEDIR}/sightline)
 install(TARGETS sightline_client sightline_proto sightline_error COMPONENT client ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
-install(FILES sightline_client.h camera.h DESTINATION ${headers}/client/cpp COMPONENT client)
+install(FILES sightline_client.h camera.h live_camera.h pose_sampler.h DESTINATION ${headers}/client/cpp COMPONENT client)
 install(FILES ${PROJECT_SOURCE_DIR}/server/base/error.h DESTINATION ${headers}/server/base COMPONENT client)
 install(DIRECTORY ${PROJECT_BINARY_DIR}/proto/ DESTINATION ${headers} COMPONENT client FILES_MATCHING PATTERN "*.pb.h" PATTERN CMakeFiles EXCLUDE
         PATTERN foxglove EXCLUDE)

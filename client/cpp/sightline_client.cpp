@@ -63,6 +63,8 @@ Result<Client> Client::connect(const std::string& address, std::chrono::nanoseco
   arguments.SetInt(GRPC_ARG_HTTP2_MIN_SENT_PING_INTERVAL_WITHOUT_DATA_MS, time_ms);
   // A shared pool of subchannels would use the channel arguments of the first client in the process.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  // By default a server that comes up while a client connects is seen a second later.
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
   auto channel = grpc::CreateCustomChannel(address, *encryption, arguments);
   if (!channel->WaitForConnected(deadline_after(timeout)))
     return fail(ErrorCode::kUnavailable, "address", "no server answers at " + address);

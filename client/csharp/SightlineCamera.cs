@@ -230,7 +230,7 @@ public sealed class SightlineCamera : IDisposable {
 
     void NextAddress() { address = (address + 1) % addresses.Count; }
 
-    static TimeSpan Longer(TimeSpan pause) {
+    internal static TimeSpan Longer(TimeSpan pause) {
         return TimeSpan.FromSeconds(pause == TimeSpan.Zero ? 0.05 : Math.Min(2 * pause.TotalSeconds, 1.0));
     }
 

@@ -14,7 +14,7 @@ static class Player {
 
     static void Main() {
         for (string line; (line = Console.In.ReadLine()) != null;) {
-            Console.Out.WriteLine(Run(line).GetAwaiter().GetResult());
+            Console.Out.WriteLine(LivePlayer.Run(line) ?? Run(line).GetAwaiter().GetResult());
             Console.Out.Flush();
         }
     }
@@ -28,9 +28,8 @@ static class Player {
         } catch (RefusedException error) {
             return Message("refused", error.Error);
         } catch (FailedException error) {
-            var code = Regex.Replace(error.Code.ToString(), "(?<=.)([A-Z])", "_$1").ToUpperInvariant();
             var violations = error.Violations.Select(v => "{\"field\": " + Quoted(v.Field) + ", \"description\": " + Quoted(v.Description) + "}");
-            return "{\"failed\": {\"code\": \"" + code + "\", \"violations\": [" + string.Join(", ", violations) + "]}}";
+            return "{\"failed\": {\"code\": \"" + CodeName(error) + "\", \"violations\": [" + string.Join(", ", violations) + "]}}";
         }
     }
 
@@ -42,8 +41,9 @@ static class Player {
         return camera.Opened;
     }
 
-    static string Text(string line, string name) { return Regex.Match(line, "\"" + name + "\": \"(.*?)\"").Groups[1].Value; }
-    static byte[] Bytes(string line, string name) { return Convert.FromBase64String(Text(line, name)); }
+    public static string CodeName(FailedException error) { return Regex.Replace(error.Code.ToString(), "(?<=.)([A-Z])", "_$1").ToUpperInvariant(); }
+    public static string Text(string line, string name) { return Regex.Match(line, "\"" + name + "\": \"(.*?)\"").Groups[1].Value; }
+    public static byte[] Bytes(string line, string name) { return Convert.FromBase64String(Text(line, name)); }
     static string Message(string name, IMessage message) { return "{\"" + name + "\": \"" + Convert.ToBase64String(message.ToByteArray()) + "\"}"; }
     static string Quoted(string text) { return "\"" + text.Replace("\\", "\\\\").Replace("\"", "\\\"") + "\""; }
 }

@@ -13,7 +13,7 @@ compile() {
 compile -target:library -out:"$work/libraries.dll" "$declarations/GoogleProtobuf.cs" "$declarations/Grpc.cs" "$work"/generated/*.cs
 compile -target:library -r:"$work/libraries.dll" -out:"$work/Sightline.Client.dll" "$root"/client/csharp/*.cs
 both=(-r:"$work/libraries.dll" -r:"$work/Sightline.Client.dll")
-compile "${both[@]}" -out:"$work/player.exe" "$here/Player.cs"
+compile "${both[@]}" -out:"$work/player.exe" "$here/Player.cs" "$here/LivePlayer.cs"
 compile "${both[@]}" -out:"$work/example.exe" "$root/client/csharp/example/Program.cs"
 for page in unity:UnityEngine godot:Godot; do
   name=${page%:*}

@@ -15,7 +15,7 @@ import sys
 DOCUMENTS = ("README.md", "client/README.md", "deploy/README.md", "deploy/METRICS.md", "deploy/KUBERNETES.md", "deploy/TROUBLESHOOTING.md", "deploy/SIZING.md", "deploy/SECURITY.md", "deploy/WALKS.md",
              "server/README.md", "tests/README.md", "scenes/README.md",
              "client/cpp/README.md", "client/python/README.md", "client/node/README.md", "client/go/README.md", "client/rust/README.md", "client/csharp/README.md", "client/engines/README.md",
-             "client/CONCEPTS.md", "client/TUNING.md", "client/engines/levels.md", "client/recordings/README.md",
+             "client/CONCEPTS.md", "client/TUNING.md", "client/SAMPLING.md", "client/engines/levels.md", "client/recordings/README.md",
              "tests/conformance/README.md", "client/cpp/sightline_client.h")
 
 Block = collections.namedtuple("Block", "path line language text")  # line: of the first line of the text, from 1
@@ -57,7 +57,7 @@ def write_cpp(root, program, snippets):
         sys.exit(f"expected one C++ program in {', '.join(DOCUMENTS)}, found {len(mains)}")
     pathlib.Path(program).write_text(f'#line {mains[0].line} "{mains[0].path}"\n{mains[0].text}')
     bodies = [SNIPPET.format(number=i, line=b.line, path=b.path, text=b.text) for i, b in enumerate(blocks) if b is not mains[0]]
-    pathlib.Path(snippets).write_text('#include <cstdio>\n\n#include "client/cpp/camera.h"\n#include "client/cpp/sightline_client.h"\n\nnamespace sightline {\n'
+    pathlib.Path(snippets).write_text('#include <cstdio>\n\n#include "client/cpp/camera.h"\n#include "client/cpp/live_camera.h"\n#include "client/cpp/sightline_client.h"\n\nnamespace sightline {\n'
                                       + "".join(bodies) + "\n}  // namespace sightline\n")
 
 

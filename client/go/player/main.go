@@ -126,6 +126,7 @@ func codeName(name string) string {
 
 func main() {
 	var camera *sightline.Camera
+	var others live
 	lines := bufio.NewScanner(os.Stdin)
 	lines.Buffer(nil, 1<<20)
 	for lines.Scan() {
@@ -133,14 +134,23 @@ func main() {
 		if err := json.Unmarshal(lines.Bytes(), &c); err != nil {
 			log.Fatal(err)
 		}
+		answer, known := others.run(lines.Bytes())
+		if known {
+			print(answer)
+			continue
+		}
 		answer, err := run(&camera, c)
 		if err != nil {
 			answer = errorAnswer(err)
 		}
-		text, err := json.Marshal(answer)
-		if err != nil {
-			log.Fatal(err)
-		}
-		fmt.Println(string(text))
+		print(answer)
 	}
+}
+
+func print(answer object) {
+	text, err := json.Marshal(answer)
+	if err != nil {
+		log.Fatal(err)
+	}
+	fmt.Println(string(text))
 }

@@ -80,6 +80,11 @@ export class Camera {
     await stream?.finish(this.options.replyTimeoutS);
   }
 
+  // Ends the stream at once. For LiveCamera, whose daemon may not answer.
+  cutOff(): void {
+    this.stream?.cutOff();
+  }
+
   private async step(tick: Tick): Promise<CameraReply> {
     if (tick.stepControl?.mergeIntoNext) throw new TypeError("stepControl.mergeIntoNext: a camera waits for a reply to each tick");
     if (tick.sequence === 0n) tick.sequence = this.sequence + 1n;
@@ -213,7 +218,7 @@ async function firstAnswer(stream: Stream, request: ControlRequest["message"], t
 }
 
 // True if another attempt, or another daemon, may help.
-function isLost(error: unknown, opening: boolean): boolean {
+export function isLost(error: unknown, opening: boolean): boolean {
   return error instanceof Failed && (LOST.includes(error.code) || (opening && error.code === status.RESOURCE_EXHAUSTED));
 }
 
@@ -223,7 +228,7 @@ function lacksScene(error: unknown): boolean {
 
 // The times to wait between attempts, in seconds: none, then longer and longer. They are random, so that the cameras of a lost daemon do
 // not all come at once.
-function* pauses(): Generator<number> {
+export function* pauses(): Generator<number> {
   yield 0;
   for (let pauseS = 0.05; ; pauseS = Math.min(2 * pauseS, LONGEST_PAUSE_S)) yield pauseS * (0.5 + Math.random() / 2);
 }

@@ -32,6 +32,14 @@ export class Refused extends Error {
   }
 }
 
+// So many ticks wait for a daemon that no more are taken. This one was not.
+export class QueueFull extends Error {
+  constructor(message: string) {
+    super(message);
+    this.name = "QueueFull";
+  }
+}
+
 export function failedCall(error: ServiceError): Failed {
   return new Failed(error.code, error.details, violationsOf(error));
 }

@@ -38,6 +38,11 @@ function channelCredentials(address: string, {tls, token}: Trust): ChannelCreden
   return credentials.createInsecure();
 }
 
+// Throws TypeError for a token that would be sent unencrypted.
+export function checkTrust(address: string, trust: Trust): void {
+  channelCredentials(address, trust);
+}
+
 function metadataOf({token}: Trust): Metadata {
   const metadata = new Metadata();
   if (token !== undefined) metadata.set("authorization", `Bearer ${token}`);

@@ -11,8 +11,11 @@ __path__ = extend_path(__path__, __name__)
 from sightline_client.aio import AsyncCamera  # noqa: E402
 from sightline_client.camera import Camera  # noqa: E402
 from sightline_client.connection import Connection, Tls  # noqa: E402
-from sightline_client.errors import Failed, Refused  # noqa: E402
+from sightline_client.display import Source  # noqa: E402
+from sightline_client.errors import Failed, QueueFull, Refused  # noqa: E402
+from sightline_client.live import LiveCamera, LiveView, Patience  # noqa: E402
+from sightline_client.sampler import PoseSampler, Sample  # noqa: E402
 from sightline_client.shapes import Place, along, box, capsule, opening, pose, sphere, tick  # noqa: E402
 
-__all__ = ["AsyncCamera", "Camera", "Connection", "Failed", "Place", "Refused", "Tls", "along", "box", "capsule", "opening", "pose", "sphere",
-           "tick"]
+__all__ = ["AsyncCamera", "Camera", "Connection", "Failed", "LiveCamera", "LiveView", "Patience", "Place", "PoseSampler", "QueueFull", "Refused",
+           "Sample", "Source", "Tls", "along", "box", "capsule", "opening", "pose", "sphere", "tick"]

@@ -32,6 +32,10 @@ class Refused(Exception):
         self.error = error
 
 
+class QueueFull(Exception):
+    """So many ticks wait for a daemon that no more are taken. This one was not; see WaitingTicks."""
+
+
 def unavailable(message: str) -> Failed:
     return Failed(grpc.StatusCode.UNAVAILABLE, message, [])
 

@@ -164,7 +164,7 @@ impl Camera {
                 return Err(failed);
             }
             reason.get_or_insert(failed.message);
-            pause = (2 * pause).clamp(Duration::from_millis(50), LONGEST_PAUSE);
+            pause = longer(pause);
         }
     }
 
@@ -275,9 +275,14 @@ impl Camera {
     }
 }
 
+/// The time to wait before the next attempt.
+pub(crate) fn longer(pause: Duration) -> Duration {
+    (2 * pause).clamp(Duration::from_millis(50), LONGEST_PAUSE)
+}
+
 /// A number in [0, 1) that differs from process to process and from moment to moment, so that the cameras of a lost daemon do not all come
 /// at once.
-fn jitter() -> f64 {
+pub(crate) fn jitter() -> f64 {
     use std::hash::{BuildHasher, RandomState};
     (RandomState::new().hash_one(0) >> 11) as f64 / (1u64 << 53) as f64
 }

@@ -13,6 +13,8 @@ pub enum Error {
     /// The session could not be opened, or it was lost and no daemon took it over in time. The next tick of a camera that lost its session
     /// tries again.
     Failed(Failed),
+    /// So many ticks of a LiveCamera wait for a daemon that no more are taken. This one was not.
+    QueueFull,
 }
 
 /// Why a session failed.
@@ -30,6 +32,7 @@ impl std::fmt::Display for Error {
         match self {
             Error::Refused(error) => write!(out, "{}", error.message),
             Error::Failed(failed) => write!(out, "{:?}: {}", failed.code, failed.message),
+            Error::QueueFull => write!(out, "too many ticks wait for a daemon"),
         }
     }
 }

@@ -1,6 +1,8 @@
 // Plays conformance sessions with the C++ client. tests/conformance/README.md describes the protocol.
 #include <google/protobuf/util/json_util.h>
 
+#include <chrono>
+#include <cmath>
 #include <fstream>
 #include <iostream>
 #include <iterator>
@@ -8,6 +10,7 @@
 #include <optional>
 
 #include "client/cpp/camera.h"
+#include "client/cpp/live_camera.h"
 
 namespace sightline {
 namespace {
@@ -84,13 +87,90 @@ Json close(Camera& camera) {
   return {{"closed", {{"resyncs", camera.resyncs()}, {"resumes", camera.resumes()}}}};
 }
 
+// The commands of tests/live for a PoseSampler and a LiveCamera.
+struct Live {
+  PoseSampler sampler;
+  std::optional<LiveCamera> camera;
+};
+
+Json sample(Live& live, const Json& at) {
+  std::optional<std::array<double, 3>> target;
+  if (at.at("target").size() == 3) target = at.at("target").get<std::array<double, 3>>();
+  const auto shown = live.sampler.sample(at.at("time_s"), target);
+  if (!shown) return {{"sample", nullptr}};
+  const auto& [position, rotation, field_of_view, cut] = *shown;
+  Json values = position;
+  for (const double value : rotation) values.push_back(value);
+  values.push_back(field_of_view), values.push_back(cut ? 1 : 0);
+  return {{"sample", values}};
+}
+
+Json open_live(Live& live, const Json& command) {
+  LiveOptions options;
+  options.wait = std::chrono::milliseconds(std::lround(1e3 * command.at("wait_s").get<double>()));
+  live.camera.reset();
+  live.camera.emplace(LiveCamera::open({command.at("address")}, from_json<v1::OpenSession>(command.at("live_open")), options));
+  return {{"live", Json::object()}};
+}
+
+double seconds_since(std::chrono::steady_clock::time_point began) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+}
+
+Json tick_live(Live& live, const Json& command) {
+  static constexpr const char* kSources[] = {"reply", "predicted", "fallback", "blend"};
+  auto tick = from_json<v1::Tick>(command.at("live_tick"));
+  const auto began = std::chrono::steady_clock::now();
+  const auto view = live.camera->tick(std::move(tick));
+  const double took_s = seconds_since(began);
+  if (!view) return {{"error", view.error().field == "tick" ? "QUEUE_FULL" : code_name(view.error().code)}};
+  const v1::CameraReply reply = view->reply.value_or(v1::CameraReply());
+  Json refusals = Json::array();
+  for (const v1::TickError& refusal : view->refusals) refusals.push_back(refusal.sequence());
+  return {{"view",
+           {{"position", view->shown.position},
+            {"rotation", view->shown.rotation},
+            {"field_of_view", view->shown.field_of_view},
+            {"cut", view->shown.cut},
+            {"age_s", view->age_s},
+            {"source", kSources[static_cast<int>(view->source)]},
+            {"sequence", view->sequence},
+            {"reply", reply.sequence()},
+            {"hash", std::to_string(reply.mirror_hash())},
+            {"refusals", refusals},
+            {"trouble", view->trouble.has_value()},
+            {"took_s", took_s}}}};
+}
+
+Json close_live(Live& live) {
+  const auto began = std::chrono::steady_clock::now();
+  live.camera->close();
+  return {{"live_closed", {{"took_s", seconds_since(began)}, {"resyncs", live.camera->resyncs()}, {"resumes", live.camera->resumes()}}}};
+}
+
+// Null: it is no command of this kind.
+Json run_live(Live& live, const Json& command) {
+  if (command.contains("sampler_new")) return live.sampler = {}, Json{{"sampler", Json::object()}};
+  if (command.contains("sampler_add")) return {{"taken", live.sampler.add(from_json<v1::CameraReply>(command.at("sampler_add")))}};
+  if (command.contains("sampler_at")) return sample(live, command.at("sampler_at"));
+  if (command.contains("live_open")) return open_live(live, command);
+  if (command.contains("live_tick")) return tick_live(live, command);
+  if (command.contains("live_close")) return close_live(live);
+  return nullptr;
+}
+
 }  // namespace
 }  // namespace sightline
 
 int main() {
   std::optional<sightline::Camera> camera;
+  sightline::Live live;
   for (std::string line; std::getline(std::cin, line);) {
     const auto command = nlohmann::json::parse(line);
+    if (const auto answer = sightline::run_live(live, command); !answer.is_null()) {
+      std::cout << answer << std::endl;
+      continue;
+    }
     const auto answer = command.contains("open")   ? sightline::open(camera, command)
                         : command.contains("tick") ? sightline::tick(*camera, command)
                                                    : sightline::close(*camera);

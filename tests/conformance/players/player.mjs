@@ -11,7 +11,7 @@ const sightline = await import(pathToFileURL(`${folder}/dist/index.js`));
 const {fromJson, toJson} = await import(pathToFileURL(from.resolve("@bufbuild/protobuf").replace("/cjs/", "/esm/")));
 const {status} = await import(pathToFileURL(from.resolve("@grpc/grpc-js")));
 
-let camera;
+let camera, sampler, live;
 
 async function trustOf({token, ...files}) {
   const pem = Object.fromEntries(await Promise.all(Object.entries(files).map(async ([name, path]) => [name, await readFile(path)])));
@@ -29,10 +29,47 @@ async function run({open, tick, address, uploads, trust = {}}) {
   return {closed: {resyncs: camera.resyncs, resumes: camera.resumes}};
 }
 
+// The commands of tests/live.
+const others = {
+  sampler_new: () => ({sampler: (sampler = new sightline.PoseSampler()) && {}}),
+  sampler_add: (reply) => ({taken: sampler.add(fromJson(sightline.CameraReplySchema, reply))}),
+  sampler_at({time_s, target}) {
+    const shown = sampler.sample(time_s, target.length ? target : undefined);
+    return {sample: shown ? [...shown.position, ...shown.rotation, shown.fieldOfView, Number(shown.cut)] : null};
+  },
+  live_open(opening, {address, wait_s}) {
+    live = new sightline.LiveCamera(address, fromJson(sightline.OpenSessionSchema, opening), {waitS: wait_s});
+    return {live: {}};
+  },
+  async live_tick(message) {
+    const tick = fromJson(sightline.TickSchema, message), began = performance.now();
+    try {
+      return {view: viewOf(await live.tick(tick), performance.now() - began)};
+    } catch (error) {
+      if (error instanceof sightline.Failed) return {error: status[error.code]};
+      if (error instanceof sightline.QueueFull) return {error: "QUEUE_FULL"};
+      throw error;
+    }
+  },
+  async live_close() {
+    const began = performance.now();
+    await live.close();
+    return {live_closed: {took_s: (performance.now() - began) / 1000, resyncs: live.resyncs, resumes: live.resumes}};
+  },
+};
+
+function viewOf({position, rotation, fieldOfView, cut, ageS, source, sequence, reply, refusals, trouble}, tookMs) {
+  return {
+    position, rotation, field_of_view: fieldOfView, cut, age_s: ageS, source, sequence: Number(sequence), reply: Number(reply?.sequence ?? 0),
+    hash: String(reply?.mirrorHash ?? 0), refusals: refusals.map((refusal) => Number(refusal.sequence)), trouble: trouble !== undefined, took_s: tookMs / 1000,
+  };
+}
+
 for await (const line of createInterface({input: process.stdin})) {
   let answer;
   try {
-    answer = await run(JSON.parse(line));
+    const command = JSON.parse(line), [name] = Object.keys(command);
+    answer = await (others[name]?.(command[name], command) ?? run(command));
   } catch (error) {
     if (error instanceof sightline.Refused) answer = {refused: toJson(sightline.TickErrorSchema, error.error)};
     else if (error instanceof sightline.Failed) answer = {failed: {code: status[error.code], violations: error.violations}};
