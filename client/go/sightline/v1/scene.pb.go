@@ -49,6 +49,9 @@ type SceneRef struct {
 	// metres_per_unit does not apply to files: send 0.01 for a level that was exported in centimetres. It scales the positions and
 	// sizes of all nodes.
 	MetresPerUnit *float64 `protobuf:"fixed64,4,opt,name=metres_per_unit,json=metresPerUnit,proto3,oneof" json:"metres_per_unit,omitempty"`
+	// Where the file's origin is in the client's world, in client units, as Pose3.position. Default: (0, 0, 0). For worlds whose origin has moved (Tick.world_shift)
+	// and for levels of several files.
+	Position      *Vec3 `protobuf:"bytes,5,opt,name=position,proto3" json:"position,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -120,6 +123,13 @@ func (x *SceneRef) GetMetresPerUnit() float64 {
 		return *x.MetresPerUnit
 	}
 	return 0
+}
+
+func (x *SceneRef) GetPosition() *Vec3 {
+	if x != nil {
+		return x.Position
+	}
+	return nil
 }
 
 type isSceneRef_Source interface {
@@ -790,9 +800,13 @@ type Transforms struct {
 	// 3n numbers: x, y, z of each velocity in client units per second. Empty: the server derives velocities from positions. Positions at every tick are
 	// taken as they are. Where they are held for several ticks, as those of physics at 10 to 55 Hz in ticks of 60 Hz, the server goes on between
 	// them; where they are noisy, it measures the noise and smooths them. Both take it about 0.3 s to find out.
-	Velocities    []float32 `protobuf:"fixed32,4,rep,packed,name=velocities,proto3" json:"velocities,omitempty"`
-	unknownFields protoimpl.UnknownFields
-	sizeCache     protoimpl.SizeCache
+	Velocities []float32 `protobuf:"fixed32,4,rep,packed,name=velocities,proto3" json:"velocities,omitempty"`
+	// 3n numbers: x, y, z of each angular velocity, as CameraReply.angular_velocity: radians per second, each vector at most 1000 long. The instance turns about its
+	// own origin. Empty: the server derives them from the rotations that are sent. Doors that swing, turrets and vehicles that turn are foreseen by them. Servers
+	// before 0.2 ignore this field.
+	AngularVelocities []float32 `protobuf:"fixed32,5,rep,packed,name=angular_velocities,json=angularVelocities,proto3" json:"angular_velocities,omitempty"`
+	unknownFields     protoimpl.UnknownFields
+	sizeCache         protoimpl.SizeCache
 }
 
 func (x *Transforms) Reset() {
@@ -849,6 +863,13 @@ func (x *Transforms) GetRotations() []float32 {
 func (x *Transforms) GetVelocities() []float32 {
 	if x != nil {
 		return x.Velocities
+	}
+	return nil
+}
+
+func (x *Transforms) GetAngularVelocities() []float32 {
+	if x != nil {
+		return x.AngularVelocities
 	}
 	return nil
 }
@@ -1323,12 +1344,13 @@ var File_sightline_v1_scene_proto protoreflect.FileDescriptor
 
 const file_sightline_v1_scene_proto_rawDesc = "" +
 	"\n" +
-	"\x18sightline/v1/scene.proto\x12\fsightline.v1\x1a\x19sightline/v1/camera.proto\"\xb8\x01\n" +
+	"\x18sightline/v1/scene.proto\x12\fsightline.v1\x1a\x19sightline/v1/camera.proto\"\xe8\x01\n" +
 	"\bSceneRef\x12\x14\n" +
 	"\x04name\x18\x01 \x01(\tH\x00R\x04name\x12\x14\n" +
 	"\x04hash\x18\x02 \x01(\tH\x00R\x04hash\x125\n" +
 	"\bbindings\x18\x03 \x03(\v2\x19.sightline.v1.NodeBindingR\bbindings\x12+\n" +
-	"\x0fmetres_per_unit\x18\x04 \x01(\x01H\x01R\rmetresPerUnit\x88\x01\x01B\b\n" +
+	"\x0fmetres_per_unit\x18\x04 \x01(\x01H\x01R\rmetresPerUnit\x88\x01\x01\x12.\n" +
+	"\bposition\x18\x05 \x01(\v2\x12.sightline.v1.Vec3R\bpositionB\b\n" +
 	"\x06sourceB\x12\n" +
 	"\x10_metres_per_unit\"1\n" +
 	"\vNodeBinding\x12\x12\n" +
@@ -1404,7 +1426,7 @@ const file_sightline_v1_scene_proto_rawDesc = "" +
 	"removedIds\x12B\n" +
 	"\x0fadded_instances\x18\x03 \x03(\v2\x19.sightline.v1.NewInstanceR\x0eaddedInstances\x12J\n" +
 	"\x11changed_instances\x18\x04 \x03(\v2\x1d.sightline.v1.AttributeChangeR\x10changedInstancesB\x10\n" +
-	"\x0e_base_revision\"z\n" +
+	"\x0e_base_revision\"\xa9\x01\n" +
 	"\n" +
 	"Transforms\x12\x10\n" +
 	"\x03ids\x18\x01 \x03(\x06R\x03ids\x12\x1c\n" +
@@ -1412,7 +1434,8 @@ const file_sightline_v1_scene_proto_rawDesc = "" +
 	"\trotations\x18\x03 \x03(\x02R\trotations\x12\x1e\n" +
 	"\n" +
 	"velocities\x18\x04 \x03(\x02R\n" +
-	"velocities\"\xb3\x02\n" +
+	"velocities\x12-\n" +
+	"\x12angular_velocities\x18\x05 \x03(\x02R\x11angularVelocities\"\xb3\x02\n" +
 	"\x06Target\x12\x0e\n" +
 	"\x02id\x18\x01 \x01(\x06R\x02id\x12\x1b\n" +
 	"\x06weight\x18\x02 \x01(\x01H\x00R\x06weight\x88\x01\x01\x12\x1f\n" +
@@ -1470,31 +1493,32 @@ var file_sightline_v1_scene_proto_goTypes = []any{
 }
 var file_sightline_v1_scene_proto_depIdxs = []int32{
 	1,  // 0: sightline.v1.SceneRef.bindings:type_name -> sightline.v1.NodeBinding
-	11, // 1: sightline.v1.Shape.box:type_name -> sightline.v1.Shape.Box
-	12, // 2: sightline.v1.Shape.sphere:type_name -> sightline.v1.Shape.Sphere
-	13, // 3: sightline.v1.Shape.capsule:type_name -> sightline.v1.Shape.Capsule
-	14, // 4: sightline.v1.Shape.cylinder:type_name -> sightline.v1.Shape.Cylinder
-	16, // 5: sightline.v1.Shape.compound:type_name -> sightline.v1.Shape.Compound
-	17, // 6: sightline.v1.Shape.offset:type_name -> sightline.v1.Vec3
-	2,  // 7: sightline.v1.NewInstance.shape:type_name -> sightline.v1.Shape
-	5,  // 8: sightline.v1.NewInstance.mesh:type_name -> sightline.v1.MeshRef
-	18, // 9: sightline.v1.NewInstance.pose:type_name -> sightline.v1.Pose3
-	17, // 10: sightline.v1.NewInstance.scale:type_name -> sightline.v1.Vec3
-	3,  // 11: sightline.v1.NewInstance.attributes:type_name -> sightline.v1.Attributes
-	3,  // 12: sightline.v1.AttributeChange.attributes:type_name -> sightline.v1.Attributes
-	4,  // 13: sightline.v1.SceneDelta.added_instances:type_name -> sightline.v1.NewInstance
-	6,  // 14: sightline.v1.SceneDelta.changed_instances:type_name -> sightline.v1.AttributeChange
-	17, // 15: sightline.v1.Target.aim_offset:type_name -> sightline.v1.Vec3
-	9,  // 16: sightline.v1.TargetList.targets:type_name -> sightline.v1.Target
-	17, // 17: sightline.v1.Shape.Box.half_extent:type_name -> sightline.v1.Vec3
-	2,  // 18: sightline.v1.Shape.Part.shape:type_name -> sightline.v1.Shape
-	19, // 19: sightline.v1.Shape.Part.rotation:type_name -> sightline.v1.Quat
-	15, // 20: sightline.v1.Shape.Compound.parts:type_name -> sightline.v1.Shape.Part
-	21, // [21:21] is the sub-list for method output_type
-	21, // [21:21] is the sub-list for method input_type
-	21, // [21:21] is the sub-list for extension type_name
-	21, // [21:21] is the sub-list for extension extendee
-	0,  // [0:21] is the sub-list for field type_name
+	17, // 1: sightline.v1.SceneRef.position:type_name -> sightline.v1.Vec3
+	11, // 2: sightline.v1.Shape.box:type_name -> sightline.v1.Shape.Box
+	12, // 3: sightline.v1.Shape.sphere:type_name -> sightline.v1.Shape.Sphere
+	13, // 4: sightline.v1.Shape.capsule:type_name -> sightline.v1.Shape.Capsule
+	14, // 5: sightline.v1.Shape.cylinder:type_name -> sightline.v1.Shape.Cylinder
+	16, // 6: sightline.v1.Shape.compound:type_name -> sightline.v1.Shape.Compound
+	17, // 7: sightline.v1.Shape.offset:type_name -> sightline.v1.Vec3
+	2,  // 8: sightline.v1.NewInstance.shape:type_name -> sightline.v1.Shape
+	5,  // 9: sightline.v1.NewInstance.mesh:type_name -> sightline.v1.MeshRef
+	18, // 10: sightline.v1.NewInstance.pose:type_name -> sightline.v1.Pose3
+	17, // 11: sightline.v1.NewInstance.scale:type_name -> sightline.v1.Vec3
+	3,  // 12: sightline.v1.NewInstance.attributes:type_name -> sightline.v1.Attributes
+	3,  // 13: sightline.v1.AttributeChange.attributes:type_name -> sightline.v1.Attributes
+	4,  // 14: sightline.v1.SceneDelta.added_instances:type_name -> sightline.v1.NewInstance
+	6,  // 15: sightline.v1.SceneDelta.changed_instances:type_name -> sightline.v1.AttributeChange
+	17, // 16: sightline.v1.Target.aim_offset:type_name -> sightline.v1.Vec3
+	9,  // 17: sightline.v1.TargetList.targets:type_name -> sightline.v1.Target
+	17, // 18: sightline.v1.Shape.Box.half_extent:type_name -> sightline.v1.Vec3
+	2,  // 19: sightline.v1.Shape.Part.shape:type_name -> sightline.v1.Shape
+	19, // 20: sightline.v1.Shape.Part.rotation:type_name -> sightline.v1.Quat
+	15, // 21: sightline.v1.Shape.Compound.parts:type_name -> sightline.v1.Shape.Part
+	22, // [22:22] is the sub-list for method output_type
+	22, // [22:22] is the sub-list for method input_type
+	22, // [22:22] is the sub-list for extension type_name
+	22, // [22:22] is the sub-list for extension extendee
+	0,  // [0:22] is the sub-list for field type_name
 }
 
 func init() { file_sightline_v1_scene_proto_init() }

@@ -620,7 +620,12 @@ type Tick struct {
 	// Finer settings that change from this tick on: the fields that are sent replace the session's.
 	Tuning *v1alpha1.Tuning `protobuf:"bytes,12,opt,name=tuning,proto3" json:"tuning,omitempty"`
 	// The new shot; it replaces the former one as a whole. Absent: the shot stays. Servers before 0.2 ignore this field.
-	Shot          *Shot `protobuf:"bytes,13,opt,name=shot,proto3" json:"shot,omitempty"`
+	Shot *Shot `protobuf:"bytes,13,opt,name=shot,proto3" json:"shot,omitempty"`
+	// The client's world has a new origin: all that is in it has moved by this vector at once, in client units. For engines with a floating origin. Instances, nodes of
+	// the scene file, the camera, its shot and everything that the server remembers move along, before the rest of the tick is applied. So the camera does not
+	// notice it: the next reply is what it would have been, moved by the vector. Positions in this tick and in later ones are in the new world. OpenSession.world_origin
+	// moves along too and must stay within 1e15 m. Default: (0, 0, 0). Servers before 0.2 ignore this field.
+	WorldShift    *Vec3 `protobuf:"bytes,14,opt,name=world_shift,json=worldShift,proto3" json:"world_shift,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -742,6 +747,13 @@ func (x *Tick) GetTuning() *v1alpha1.Tuning {
 func (x *Tick) GetShot() *Shot {
 	if x != nil {
 		return x.Shot
+	}
+	return nil
+}
+
+func (x *Tick) GetWorldShift() *Vec3 {
+	if x != nil {
+		return x.WorldShift
 	}
 	return nil
 }
@@ -915,7 +927,7 @@ type CameraReply struct {
 	RelativePose *RelativePose `protobuf:"bytes,8,opt,name=relative_pose,json=relativePose,proto3" json:"relative_pose,omitempty"`
 	// Visibility of every target, in the order of the target list.
 	Targets []*TargetVisibility `protobuf:"bytes,9,rep,name=targets,proto3" json:"targets,omitempty"`
-	// Numbers of candidate positions by the targets that they see.
+	// Numbers of candidate positions by the targets that they see, at the newest decision (Tuning.move.decide_every_s).
 	CandidateCounts *CandidateCounts `protobuf:"bytes,10,opt,name=candidate_counts,json=candidateCounts,proto3" json:"candidate_counts,omitempty"`
 	// The targets that the camera sees, and what it does if it sees none.
 	Status TrackingStatus `protobuf:"varint,11,opt,name=status,proto3,enum=sightline.v1.TrackingStatus" json:"status,omitempty"`
@@ -940,7 +952,7 @@ type CameraReply struct {
 	MirrorHash uint64 `protobuf:"fixed64,20,opt,name=mirror_hash,json=mirrorHash,proto3" json:"mirror_hash,omitempty"`
 	// Wall-clock time of the step, by stage.
 	StageTimes *StageTimes `protobuf:"bytes,21,opt,name=stage_times,json=stageTimes,proto3" json:"stage_times,omitempty"`
-	// The candidates and what they see; only with DiagnosticsRequest.candidates.
+	// The candidates and what they see; only with DiagnosticsRequest.candidates. Empty in replies between two decisions.
 	Candidates *Candidates `protobuf:"bytes,22,opt,name=candidates,proto3" json:"candidates,omitempty"`
 	// The depth maps that were taken; only with DiagnosticsRequest.depth_maps.
 	DepthMaps []*DepthMap `protobuf:"bytes,23,rep,name=depth_maps,json=depthMaps,proto3" json:"depth_maps,omitempty"`
@@ -1341,7 +1353,7 @@ const file_sightline_v1_session_proto_rawDesc = "" +
 	"\x0eresume_grace_s\x18\n" +
 	" \x01(\x01R\fresumeGraceS\x12\x18\n" +
 	"\aresumed\x18\v \x01(\bR\aresumed\x12'\n" +
-	"\x0fnewest_sequence\x18\f \x01(\x04R\x0enewestSequence\"\xf0\x04\n" +
+	"\x0fnewest_sequence\x18\f \x01(\x04R\x0enewestSequence\"\xa5\x05\n" +
 	"\x04Tick\x12\x1a\n" +
 	"\bsequence\x18\x01 \x01(\x04R\bsequence\x12\x15\n" +
 	"\x06time_s\x18\x02 \x01(\x01R\x05timeS\x12\x16\n" +
@@ -1358,7 +1370,9 @@ const file_sightline_v1_session_proto_rawDesc = "" +
 	" \x01(\v2\x1a.sightline.v1.CameraLimitsR\x06limits\x12<\n" +
 	"\fstep_control\x18\v \x01(\v2\x19.sightline.v1.StepControlR\vstepControl\x129\n" +
 	"\x06tuning\x18\f \x01(\v2!.sightline.tuning.v1alpha1.TuningR\x06tuning\x12&\n" +
-	"\x04shot\x18\r \x01(\v2\x12.sightline.v1.ShotR\x04shotB\a\n" +
+	"\x04shot\x18\r \x01(\v2\x12.sightline.v1.ShotR\x04shot\x123\n" +
+	"\vworld_shift\x18\x0e \x01(\v2\x12.sightline.v1.Vec3R\n" +
+	"worldShiftB\a\n" +
 	"\x05_dt_s\"q\n" +
 	"\vStepControl\x12&\n" +
 	"\x0fmerge_into_next\x18\x01 \x01(\bR\rmergeIntoNext\x12(\n" +
@@ -1500,32 +1514,33 @@ var file_sightline_v1_session_proto_depIdxs = []int32{
 	7,  // 22: sightline.v1.Tick.step_control:type_name -> sightline.v1.StepControl
 	22, // 23: sightline.v1.Tick.tuning:type_name -> sightline.tuning.v1alpha1.Tuning
 	23, // 24: sightline.v1.Tick.shot:type_name -> sightline.v1.Shot
-	17, // 25: sightline.v1.ObservedCamera.pose:type_name -> sightline.v1.Pose3
-	13, // 26: sightline.v1.ObservedCamera.velocity:type_name -> sightline.v1.Vec3
-	13, // 27: sightline.v1.ObservedCamera.angular_velocity:type_name -> sightline.v1.Vec3
-	17, // 28: sightline.v1.CameraReply.pose:type_name -> sightline.v1.Pose3
-	13, // 29: sightline.v1.CameraReply.velocity:type_name -> sightline.v1.Vec3
-	13, // 30: sightline.v1.CameraReply.angular_velocity:type_name -> sightline.v1.Vec3
-	10, // 31: sightline.v1.CameraReply.relative_pose:type_name -> sightline.v1.RelativePose
-	27, // 32: sightline.v1.CameraReply.targets:type_name -> sightline.v1.TargetVisibility
-	28, // 33: sightline.v1.CameraReply.candidate_counts:type_name -> sightline.v1.CandidateCounts
-	29, // 34: sightline.v1.CameraReply.status:type_name -> sightline.v1.TrackingStatus
-	30, // 35: sightline.v1.CameraReply.reason:type_name -> sightline.v1.MoveReason
-	31, // 36: sightline.v1.CameraReply.volume_used:type_name -> sightline.v1.VolumeUsed
-	32, // 37: sightline.v1.CameraReply.pair_fallback:type_name -> sightline.v1.PairFallback
-	33, // 38: sightline.v1.CameraReply.flags:type_name -> sightline.v1.StepFlags
-	34, // 39: sightline.v1.CameraReply.stage_times:type_name -> sightline.v1.StageTimes
-	35, // 40: sightline.v1.CameraReply.candidates:type_name -> sightline.v1.Candidates
-	36, // 41: sightline.v1.CameraReply.depth_maps:type_name -> sightline.v1.DepthMap
-	37, // 42: sightline.v1.CameraReply.degradation:type_name -> sightline.v1.Degradation
-	38, // 43: sightline.v1.CameraReply.shot:type_name -> sightline.v1.ShotReport
-	17, // 44: sightline.v1.RelativePose.pose:type_name -> sightline.v1.Pose3
-	17, // 45: sightline.v1.RelativePose.unrotated_pose:type_name -> sightline.v1.Pose3
-	46, // [46:46] is the sub-list for method output_type
-	46, // [46:46] is the sub-list for method input_type
-	46, // [46:46] is the sub-list for extension type_name
-	46, // [46:46] is the sub-list for extension extendee
-	0,  // [0:46] is the sub-list for field type_name
+	13, // 25: sightline.v1.Tick.world_shift:type_name -> sightline.v1.Vec3
+	17, // 26: sightline.v1.ObservedCamera.pose:type_name -> sightline.v1.Pose3
+	13, // 27: sightline.v1.ObservedCamera.velocity:type_name -> sightline.v1.Vec3
+	13, // 28: sightline.v1.ObservedCamera.angular_velocity:type_name -> sightline.v1.Vec3
+	17, // 29: sightline.v1.CameraReply.pose:type_name -> sightline.v1.Pose3
+	13, // 30: sightline.v1.CameraReply.velocity:type_name -> sightline.v1.Vec3
+	13, // 31: sightline.v1.CameraReply.angular_velocity:type_name -> sightline.v1.Vec3
+	10, // 32: sightline.v1.CameraReply.relative_pose:type_name -> sightline.v1.RelativePose
+	27, // 33: sightline.v1.CameraReply.targets:type_name -> sightline.v1.TargetVisibility
+	28, // 34: sightline.v1.CameraReply.candidate_counts:type_name -> sightline.v1.CandidateCounts
+	29, // 35: sightline.v1.CameraReply.status:type_name -> sightline.v1.TrackingStatus
+	30, // 36: sightline.v1.CameraReply.reason:type_name -> sightline.v1.MoveReason
+	31, // 37: sightline.v1.CameraReply.volume_used:type_name -> sightline.v1.VolumeUsed
+	32, // 38: sightline.v1.CameraReply.pair_fallback:type_name -> sightline.v1.PairFallback
+	33, // 39: sightline.v1.CameraReply.flags:type_name -> sightline.v1.StepFlags
+	34, // 40: sightline.v1.CameraReply.stage_times:type_name -> sightline.v1.StageTimes
+	35, // 41: sightline.v1.CameraReply.candidates:type_name -> sightline.v1.Candidates
+	36, // 42: sightline.v1.CameraReply.depth_maps:type_name -> sightline.v1.DepthMap
+	37, // 43: sightline.v1.CameraReply.degradation:type_name -> sightline.v1.Degradation
+	38, // 44: sightline.v1.CameraReply.shot:type_name -> sightline.v1.ShotReport
+	17, // 45: sightline.v1.RelativePose.pose:type_name -> sightline.v1.Pose3
+	17, // 46: sightline.v1.RelativePose.unrotated_pose:type_name -> sightline.v1.Pose3
+	47, // [47:47] is the sub-list for method output_type
+	47, // [47:47] is the sub-list for method input_type
+	47, // [47:47] is the sub-list for extension type_name
+	47, // [47:47] is the sub-list for extension extendee
+	0,  // [0:47] is the sub-list for field type_name
 }
 
 func init() { file_sightline_v1_session_proto_init() }

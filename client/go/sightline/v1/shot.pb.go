@@ -200,6 +200,26 @@ type Shot struct {
 	// they fit. Default: the targets in the middle. In a session without a Shot they stay where they are in the first picture (the one after an observed cut), if they are
 	// between 0.15 and 0.5 of half a picture from the middle there.
 	Places []*Shot_Place `protobuf:"bytes,11,rep,name=places,proto3" json:"places,omitempty"`
+	// How far from its place the aim may be in the picture, in halves of the picture, before the camera turns; each [0, 0.9]. Default: Settings.dead_zone, for both axes.
+	DeadZone *Shot_Zone `protobuf:"bytes,17,opt,name=dead_zone,json=deadZone,proto3" json:"dead_zone,omitempty"`
+	// How far from its place the aim may be at most. Up to there the camera turns calmly (Settings.aim_response_s); beyond it turns as fast as its limits allow. Each
+	// is 0, for no such limit, or [0.02, 2], and greater than in the dead zone. Default: none.
+	SoftZone *Shot_Zone `protobuf:"bytes,18,opt,name=soft_zone,json=softZone,proto3" json:"soft_zone,omitempty"`
+	// How much room the picture leaves before a subject that moves, as a share of half the picture's width, [0, 0.9]: it is placed that far from its place, away from
+	// where it goes, as far as it goes across the picture. The one that counts is the first of the subjects, or of the targets. Slower than 1 m/s it gets less
+	// room. The room grows and shrinks within about a second. Default: 0.
+	LeadRoom float64 `protobuf:"fixed64,19,opt,name=lead_room,json=leadRoom,proto3" json:"lead_room,omitempty"`
+	// True: the room is left where the subject faces (its `front`), not where it goes. For people who talk. Default: false.
+	LeadByHeading bool `protobuf:"varint,20,opt,name=lead_by_heading,json=leadByHeading,proto3" json:"lead_by_heading,omitempty"`
+	// How far the camera leans to the side, [-pi/4, pi/4]. Positive: clockwise, seen from behind the camera, so that the horizon rises to the right. Default: 0. A roll of
+	// the first pose is undone.
+	RollRad float64 `protobuf:"fixed64,21,opt,name=roll_rad,json=rollRad,proto3" json:"roll_rad,omitempty"`
+	// The lens range of this shot in place of Settings.min_vertical_fov_rad and max_vertical_fov_rad: full angles of view, with axis and unit as the convention says, and
+	// the same ranges. Send both or neither. With `size`, the lens keeps the subjects' size where the camera cannot be as far away as it should. Without, it shows all
+	// targets with the framing margin, as Settings.min_vertical_fov_rad says.
+	MinFieldOfView float64 `protobuf:"fixed64,22,opt,name=min_field_of_view,json=minFieldOfView,proto3" json:"min_field_of_view,omitempty"`
+	// See min_field_of_view.
+	MaxFieldOfView float64 `protobuf:"fixed64,23,opt,name=max_field_of_view,json=maxFieldOfView,proto3" json:"max_field_of_view,omitempty"`
 	// How wide the free bands are within which a departure from the shot costs nothing (ShotReport names them), as a factor, [0, 3]. Default: 1. Smaller: the
 	// camera keeps more strictly to its place, and has less freedom to see better and to move calmly.
 	Tolerance *float64 `protobuf:"fixed64,14,opt,name=tolerance,proto3,oneof" json:"tolerance,omitempty"`
@@ -341,6 +361,55 @@ func (x *Shot) GetPlaces() []*Shot_Place {
 	return nil
 }
 
+func (x *Shot) GetDeadZone() *Shot_Zone {
+	if x != nil {
+		return x.DeadZone
+	}
+	return nil
+}
+
+func (x *Shot) GetSoftZone() *Shot_Zone {
+	if x != nil {
+		return x.SoftZone
+	}
+	return nil
+}
+
+func (x *Shot) GetLeadRoom() float64 {
+	if x != nil {
+		return x.LeadRoom
+	}
+	return 0
+}
+
+func (x *Shot) GetLeadByHeading() bool {
+	if x != nil {
+		return x.LeadByHeading
+	}
+	return false
+}
+
+func (x *Shot) GetRollRad() float64 {
+	if x != nil {
+		return x.RollRad
+	}
+	return 0
+}
+
+func (x *Shot) GetMinFieldOfView() float64 {
+	if x != nil {
+		return x.MinFieldOfView
+	}
+	return 0
+}
+
+func (x *Shot) GetMaxFieldOfView() float64 {
+	if x != nil {
+		return x.MaxFieldOfView
+	}
+	return 0
+}
+
 func (x *Shot) GetTolerance() float64 {
 	if x != nil && x.Tolerance != nil {
 		return *x.Tolerance
@@ -479,7 +548,9 @@ type ShotReport struct {
 	// In a session without a Shot: where the targets stay in the picture because they were there in the first one; 0: in the middle. As Shot.Place.x.
 	PlaceX float64 `protobuf:"fixed64,11,opt,name=place_x,json=placeX,proto3" json:"place_x,omitempty"`
 	// As Shot.Place.y.
-	PlaceY        float64 `protobuf:"fixed64,12,opt,name=place_y,json=placeY,proto3" json:"place_y,omitempty"`
+	PlaceY float64 `protobuf:"fixed64,12,opt,name=place_y,json=placeY,proto3" json:"place_y,omitempty"`
+	// As Shot.roll_rad. Free: 0, limit: pi/4. It does not count for the worth.
+	Roll          *ShotTerm `protobuf:"bytes,13,opt,name=roll,proto3" json:"roll,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -598,6 +669,13 @@ func (x *ShotReport) GetPlaceY() float64 {
 	return 0
 }
 
+func (x *ShotReport) GetRoll() *ShotTerm {
+	if x != nil {
+		return x.Roll
+	}
+	return nil
+}
+
 // Where a subject is wanted in the picture.
 type Shot_Place struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
@@ -662,11 +740,66 @@ func (x *Shot_Place) GetY() float64 {
 	return 0
 }
 
+// A distance in the picture, by axis.
+type Shot_Zone struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// To the right and to the left, in halves of the picture's width.
+	X float64 `protobuf:"fixed64,1,opt,name=x,proto3" json:"x,omitempty"`
+	// Upwards and downwards, in halves of the picture's height.
+	Y             float64 `protobuf:"fixed64,2,opt,name=y,proto3" json:"y,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *Shot_Zone) Reset() {
+	*x = Shot_Zone{}
+	mi := &file_sightline_v1_shot_proto_msgTypes[4]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *Shot_Zone) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*Shot_Zone) ProtoMessage() {}
+
+func (x *Shot_Zone) ProtoReflect() protoreflect.Message {
+	mi := &file_sightline_v1_shot_proto_msgTypes[4]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use Shot_Zone.ProtoReflect.Descriptor instead.
+func (*Shot_Zone) Descriptor() ([]byte, []int) {
+	return file_sightline_v1_shot_proto_rawDescGZIP(), []int{0, 1}
+}
+
+func (x *Shot_Zone) GetX() float64 {
+	if x != nil {
+		return x.X
+	}
+	return 0
+}
+
+func (x *Shot_Zone) GetY() float64 {
+	if x != nil {
+		return x.Y
+	}
+	return 0
+}
+
 var File_sightline_v1_shot_proto protoreflect.FileDescriptor
 
 const file_sightline_v1_shot_proto_rawDesc = "" +
 	"\n" +
-	"\x17sightline/v1/shot.proto\x12\fsightline.v1\x1a\x19sightline/v1/camera.proto\"\xe8\x05\n" +
+	"\x17sightline/v1/shot.proto\x12\fsightline.v1\x1a\x19sightline/v1/camera.proto\"\xae\b\n" +
 	"\x04Shot\x12\x1f\n" +
 	"\vsubject_ids\x18\x01 \x03(\x06R\n" +
 	"subjectIds\x12.\n" +
@@ -685,7 +818,14 @@ const file_sightline_v1_shot_proto_rawDesc = "" +
 	"\bdistance\x18\t \x01(\x01H\x00R\bdistance\x12\x14\n" +
 	"\x04size\x18\n" +
 	" \x01(\x01H\x00R\x04size\x120\n" +
-	"\x06places\x18\v \x03(\v2\x18.sightline.v1.Shot.PlaceR\x06places\x12!\n" +
+	"\x06places\x18\v \x03(\v2\x18.sightline.v1.Shot.PlaceR\x06places\x124\n" +
+	"\tdead_zone\x18\x11 \x01(\v2\x17.sightline.v1.Shot.ZoneR\bdeadZone\x124\n" +
+	"\tsoft_zone\x18\x12 \x01(\v2\x17.sightline.v1.Shot.ZoneR\bsoftZone\x12\x1b\n" +
+	"\tlead_room\x18\x13 \x01(\x01R\bleadRoom\x12&\n" +
+	"\x0flead_by_heading\x18\x14 \x01(\bR\rleadByHeading\x12\x19\n" +
+	"\broll_rad\x18\x15 \x01(\x01R\arollRad\x12)\n" +
+	"\x11min_field_of_view\x18\x16 \x01(\x01R\x0eminFieldOfView\x12)\n" +
+	"\x11max_field_of_view\x18\x17 \x01(\x01R\x0emaxFieldOfView\x12!\n" +
 	"\ttolerance\x18\x0e \x01(\x01H\x03R\ttolerance\x88\x01\x01\x12\x1b\n" +
 	"\x06weight\x18\x0f \x01(\x01H\x04R\x06weight\x88\x01\x01\x12\x10\n" +
 	"\x03cut\x18\f \x01(\bR\x03cut\x12\x17\n" +
@@ -693,7 +833,10 @@ const file_sightline_v1_shot_proto_rawDesc = "" +
 	"\x05Place\x12\x0e\n" +
 	"\x02id\x18\x01 \x01(\x06R\x02id\x12\f\n" +
 	"\x01x\x18\x02 \x01(\x01R\x01x\x12\f\n" +
-	"\x01y\x18\x03 \x01(\x01R\x01y\"d\n" +
+	"\x01y\x18\x03 \x01(\x01R\x01y\x1a\"\n" +
+	"\x04Zone\x12\f\n" +
+	"\x01x\x18\x01 \x01(\x01R\x01x\x12\f\n" +
+	"\x01y\x18\x02 \x01(\x01R\x01y\"d\n" +
 	"\x05Frame\x12\x15\n" +
 	"\x11FRAME_UNSPECIFIED\x10\x00\x12\x0f\n" +
 	"\vFRAME_WORLD\x10\x01\x12\x11\n" +
@@ -710,7 +853,7 @@ const file_sightline_v1_shot_proto_rawDesc = "" +
 	"\bShotTerm\x12\x14\n" +
 	"\x05asked\x18\x01 \x01(\x01R\x05asked\x12\x10\n" +
 	"\x03now\x18\x02 \x01(\x01R\x03now\x12\x1c\n" +
-	"\tdeviation\x18\x03 \x01(\x01R\tdeviation\"\xc7\x03\n" +
+	"\tdeviation\x18\x03 \x01(\x01R\tdeviation\"\xf3\x03\n" +
 	"\n" +
 	"ShotReport\x12*\n" +
 	"\x04side\x18\x01 \x01(\v2\x16.sightline.v1.ShotTermR\x04side\x12.\n" +
@@ -726,7 +869,8 @@ const file_sightline_v1_shot_proto_rawDesc = "" +
 	" \x01(\x06R\fhiddenTarget\x12\x1b\n" +
 	"\thidden_by\x18\t \x01(\x06R\bhiddenBy\x12\x17\n" +
 	"\aplace_x\x18\v \x01(\x01R\x06placeX\x12\x17\n" +
-	"\aplace_y\x18\f \x01(\x01R\x06placeY*\xb5\x01\n" +
+	"\aplace_y\x18\f \x01(\x01R\x06placeY\x12*\n" +
+	"\x04roll\x18\r \x01(\v2\x16.sightline.v1.ShotTermR\x04roll*\xb5\x01\n" +
 	"\tShotLimit\x12\x1a\n" +
 	"\x16SHOT_LIMIT_UNSPECIFIED\x10\x00\x12\x1b\n" +
 	"\x17SHOT_LIMIT_MIN_DISTANCE\x10\x01\x12\x1b\n" +
@@ -749,7 +893,7 @@ func file_sightline_v1_shot_proto_rawDescGZIP() []byte {
 }
 
 var file_sightline_v1_shot_proto_enumTypes = make([]protoimpl.EnumInfo, 2)
-var file_sightline_v1_shot_proto_msgTypes = make([]protoimpl.MessageInfo, 4)
+var file_sightline_v1_shot_proto_msgTypes = make([]protoimpl.MessageInfo, 5)
 var file_sightline_v1_shot_proto_goTypes = []any{
 	(ShotLimit)(0),     // 0: sightline.v1.ShotLimit
 	(Shot_Frame)(0),    // 1: sightline.v1.Shot.Frame
@@ -757,22 +901,26 @@ var file_sightline_v1_shot_proto_goTypes = []any{
 	(*ShotTerm)(nil),   // 3: sightline.v1.ShotTerm
 	(*ShotReport)(nil), // 4: sightline.v1.ShotReport
 	(*Shot_Place)(nil), // 5: sightline.v1.Shot.Place
-	(*Vec3)(nil),       // 6: sightline.v1.Vec3
+	(*Shot_Zone)(nil),  // 6: sightline.v1.Shot.Zone
+	(*Vec3)(nil),       // 7: sightline.v1.Vec3
 }
 var file_sightline_v1_shot_proto_depIdxs = []int32{
-	1, // 0: sightline.v1.Shot.frame:type_name -> sightline.v1.Shot.Frame
-	6, // 1: sightline.v1.Shot.front:type_name -> sightline.v1.Vec3
-	5, // 2: sightline.v1.Shot.places:type_name -> sightline.v1.Shot.Place
-	3, // 3: sightline.v1.ShotReport.side:type_name -> sightline.v1.ShotTerm
-	3, // 4: sightline.v1.ShotReport.height:type_name -> sightline.v1.ShotTerm
-	3, // 5: sightline.v1.ShotReport.distance:type_name -> sightline.v1.ShotTerm
-	3, // 6: sightline.v1.ShotReport.place:type_name -> sightline.v1.ShotTerm
-	0, // 7: sightline.v1.ShotReport.limits:type_name -> sightline.v1.ShotLimit
-	8, // [8:8] is the sub-list for method output_type
-	8, // [8:8] is the sub-list for method input_type
-	8, // [8:8] is the sub-list for extension type_name
-	8, // [8:8] is the sub-list for extension extendee
-	0, // [0:8] is the sub-list for field type_name
+	1,  // 0: sightline.v1.Shot.frame:type_name -> sightline.v1.Shot.Frame
+	7,  // 1: sightline.v1.Shot.front:type_name -> sightline.v1.Vec3
+	5,  // 2: sightline.v1.Shot.places:type_name -> sightline.v1.Shot.Place
+	6,  // 3: sightline.v1.Shot.dead_zone:type_name -> sightline.v1.Shot.Zone
+	6,  // 4: sightline.v1.Shot.soft_zone:type_name -> sightline.v1.Shot.Zone
+	3,  // 5: sightline.v1.ShotReport.side:type_name -> sightline.v1.ShotTerm
+	3,  // 6: sightline.v1.ShotReport.height:type_name -> sightline.v1.ShotTerm
+	3,  // 7: sightline.v1.ShotReport.distance:type_name -> sightline.v1.ShotTerm
+	3,  // 8: sightline.v1.ShotReport.place:type_name -> sightline.v1.ShotTerm
+	0,  // 9: sightline.v1.ShotReport.limits:type_name -> sightline.v1.ShotLimit
+	3,  // 10: sightline.v1.ShotReport.roll:type_name -> sightline.v1.ShotTerm
+	11, // [11:11] is the sub-list for method output_type
+	11, // [11:11] is the sub-list for method input_type
+	11, // [11:11] is the sub-list for extension type_name
+	11, // [11:11] is the sub-list for extension extendee
+	0,  // [0:11] is the sub-list for field type_name
 }
 
 func init() { file_sightline_v1_shot_proto_init() }
@@ -791,7 +939,7 @@ func file_sightline_v1_shot_proto_init() {
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
 			RawDescriptor: unsafe.Slice(unsafe.StringData(file_sightline_v1_shot_proto_rawDesc), len(file_sightline_v1_shot_proto_rawDesc)),
 			NumEnums:      2,
-			NumMessages:   4,
+			NumMessages:   5,
 			NumExtensions: 0,
 			NumServices:   0,
 		},

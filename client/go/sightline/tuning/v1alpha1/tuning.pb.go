@@ -741,6 +741,9 @@ type MoveSettings struct {
 	TurnProbability *float64 `protobuf:"fixed64,5,opt,name=turn_probability,json=turnProbability,proto3,oneof" json:"turn_probability,omitempty"`
 	// The angle by which a turning target is expected to turn. MIN_COST only.
 	TurnRad *float64 `protobuf:"fixed64,6,opt,name=turn_rad,json=turnRad,proto3,oneof" json:"turn_rad,omitempty"`
+	// The time between two decisions. A decision looks at every candidate and plans the coming second; in the ticks between, the camera goes on by the last one, with
+	// the newest poses. The tick that is nearest to the time decides. 0: every tick decides. Long: it reacts late, and its plans are rough. MIN_COST only.
+	DecideEveryS *float64 `protobuf:"fixed64,10,opt,name=decide_every_s,json=decideEveryS,proto3,oneof" json:"decide_every_s,omitempty"`
 	// The middle of a group to which the strategy ROBUST goes.
 	RobustGoal    RobustGoal `protobuf:"varint,7,opt,name=robust_goal,json=robustGoal,proto3,enum=sightline.tuning.v1alpha1.RobustGoal" json:"robust_goal,omitempty"`
 	unknownFields protoimpl.UnknownFields
@@ -822,6 +825,13 @@ func (x *MoveSettings) GetTurnProbability() float64 {
 func (x *MoveSettings) GetTurnRad() float64 {
 	if x != nil && x.TurnRad != nil {
 		return *x.TurnRad
+	}
+	return 0
+}
+
+func (x *MoveSettings) GetDecideEveryS() float64 {
+	if x != nil && x.DecideEveryS != nil {
+		return *x.DecideEveryS
 	}
 	return 0
 }
@@ -1161,7 +1171,7 @@ const file_sightline_tuning_v1alpha1_tuning_proto_rawDesc = "" +
 	"\t_window_sB\x14\n" +
 	"\x12_visible_thresholdB\x13\n" +
 	"\x11_hidden_thresholdB\t\n" +
-	"\a_hold_s\"\xcf\x05\n" +
+	"\a_hold_s\"\xaf\x06\n" +
 	"\fMoveSettings\x12W\n" +
 	"\bstrategy\x18\x01 \x01(\x0e2#.sightline.tuning.v1alpha1.StrategyB\x16\xca\xf3\x18\x12\x12\bMIN_COST\x1a\x06ROBUSTR\bstrategy\x12:\n" +
 	"\x04cost\x18\x02 \x01(\v2&.sightline.tuning.v1alpha1.CostWeightsR\x04cost\x12]\n" +
@@ -1172,12 +1182,16 @@ const file_sightline_tuning_v1alpha1_tuning_proto_rawDesc = "" +
 	"\x10turn_probability\x18\x05 \x01(\x01B+\xca\xf3\x18'\n" +
 	"\x100 or [1e-6, 0.5]\x12\x030.2\x1a\x010\"\vprobabilityH\x01R\x0fturnProbability\x88\x01\x01\x12:\n" +
 	"\bturn_rad\x18\x06 \x01(\x01B\x1a\xca\xf3\x18\x16\n" +
-	"\x110 or [1e-6, pi/2]\x12\x011H\x02R\aturnRad\x88\x01\x01\x12\\\n" +
+	"\x110 or [1e-6, pi/2]\x12\x011H\x02R\aturnRad\x88\x01\x01\x12K\n" +
+	"\x0edecide_every_s\x18\n" +
+	" \x01(\x01B \xca\xf3\x18\x1c\n" +
+	"\x100 or [1e-3, 0.2]\x12\x050.033\x1a\x010H\x03R\fdecideEveryS\x88\x01\x01\x12\\\n" +
 	"\vrobust_goal\x18\a \x01(\x0e2%.sightline.tuning.v1alpha1.RobustGoalB\x14\xca\xf3\x18\x10\x12\x0eDEEPEST_MEMBERR\n" +
 	"robustGoalB\x13\n" +
 	"\x11_predictive_powerB\x13\n" +
 	"\x11_turn_probabilityB\v\n" +
-	"\t_turn_radJ\x04\b\x04\x10\x05R\tcoherence\"\xb7\x04\n" +
+	"\t_turn_radB\x11\n" +
+	"\x0f_decide_every_sJ\x04\b\x04\x10\x05R\tcoherence\"\xb7\x04\n" +
 	"\vCostWeights\x12A\n" +
 	"\tocclusion\x18\x01 \x01(\x01B\x1e\xca\xf3\x18\x1a\n" +
 	"\x110 or [1e-6, 1000]\x12\x0280\"\x01mH\x00R\tocclusion\x88\x01\x01\x12D\n" +
