@@ -5,6 +5,7 @@
 
 #include "client/cpp/camera_snapshot.h"
 #include "server/sample/embree_sampler.h"
+#include "server/wire/from_proto_values.h"
 #include "server/wire/to_proto.h"
 #include "tests/wire/from_proto_fixture.h"
 
@@ -163,9 +164,11 @@ TEST_P(WorldShift, ALevelIsWhereItsReferencePutsIt) {
   put(told({40, 0, -5}), *request.mutable_scene()->mutable_position());
   const auto placed = open(request);
   size_t nodes = 0;
-  for (const Instance& node : plain->mirror().instances())
-    if ((node.id & kAssetIdBit) != 0)
-      ++nodes, EXPECT_LT(glm::distance(placed->mirror().find(node.id)->pose.position_m, node.pose.position_m + glm::dvec3(40, 0, -5)), 1e-9);
+  for (const Instance& node : plain->mirror().instances()) {
+    if ((node.id & kAssetIdBit) == 0) continue;
+    ++nodes;
+    EXPECT_LT(glm::distance(placed->mirror().find(node.id)->pose.position_m, node.pose.position_m + glm::dvec3(40, 0, -5)), 1e-9);
+  }
   EXPECT_EQ(nodes, 2u);
 }
 
