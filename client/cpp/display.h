@@ -36,6 +36,8 @@ class Display {
     Vector shift, turn;
     double zoom;
   };
+  void shift_world(uint64_t sequence, const Vector& by);
+  v1::CameraReply in_this_world(v1::CameraReply reply);
   Vector offset() const;
   Vector relative_velocity() const;
   CameraSample followed(double time_s, const std::optional<Vector>& centre) const;
@@ -56,6 +58,7 @@ class Display {
   bool has_followed_ = false;  // since the follower began, it was shown
   uint64_t counts_from_ = 0;  // replies to ticks from this number on end the fallback
   std::optional<Blend> blend_;
+  std::vector<std::pair<uint64_t, Vector>> shifts_;  // of the world, by ticks that no reply covers so far
   RecentMotion motion_;
 };
 

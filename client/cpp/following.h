@@ -21,6 +21,7 @@ class TargetPlaces {
  public:
   explicit TargetPlaces(const v1::OpenSession& opening);
 
+  void shift(const Vector& by);
   void apply(const v1::Tick& tick);
   // The targets that make up the centre, and their weights.
   std::vector<std::pair<uint64_t, double>> counted() const;
@@ -47,6 +48,7 @@ struct Follower {
 class RecentMotion {
  public:
   void add(double time_s, const Vector& position);
+  void shift(const Vector& by);
   // The mean of the last steps without the fastest.
   Vector velocity() const;
 

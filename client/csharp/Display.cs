@@ -38,6 +38,7 @@ internal sealed class Display {
     bool hasFollowed;  // since the follower began, it was shown
     ulong countsFrom;  // replies to ticks from this number on end the fallback
     BlendState blend;
+    readonly List<KeyValuePair<ulong, Double3>> shifts = new List<KeyValuePair<ulong, Double3>>();  // of the world, by ticks that no reply covers so far
 
     public CameraReply Newest { get; private set; }
     public bool Follows => follower != null;
@@ -54,6 +55,7 @@ internal sealed class Display {
     }
 
     public void TakeTick(Tick tick) {
+        if (tick.WorldShift != null) ShiftWorld(tick.Sequence, Double3.From(tick.WorldShift));
         var before = places.Counted();
         places.Apply(tick);
         if (before.SequenceEqual(places.Counted())) return;
@@ -65,7 +67,26 @@ internal sealed class Display {
 
     public void TakeReply(CameraReply reply) {
         Newest = reply;
-        if (follower == null || reply.Sequence >= countsFrom) sampler.Add(reply);
+        if (follower == null || reply.Sequence >= countsFrom) sampler.Add(InThisWorld(reply));
+    }
+
+    void ShiftWorld(ulong sequence, Double3 by) {
+        shifts.Add(new KeyValuePair<ulong, Double3>(sequence, by));
+        shown.Position += by;
+        centre += by;
+        places.Shift(by);
+        sampler.Shift(by);
+        motion.Shift(by);
+    }
+
+    // The reply where the world has been shifted since its tick.
+    CameraReply InThisWorld(CameraReply reply) {
+        shifts.RemoveAll(shift => shift.Key <= reply.Sequence);
+        if (shifts.Count == 0) return reply;
+        var moved = reply.Clone();
+        var position = shifts.Aggregate(Double3.From(reply.Pose?.Position), (at, shift) => at + shift.Value);
+        moved.Pose = new Pose3 { Position = position.ToMessage(), Rotation = reply.Pose?.Rotation };
+        return moved;
     }
 
     // The daemon is silent. from: the first tick whose reply ends the fallback.

@@ -44,6 +44,12 @@ public sealed class PoseSampler {
         return true;
     }
 
+    /// <summary>The client's world has a new origin: the replies that were added lie elsewhere now (Tick.WorldShift).</summary>
+    public void Shift(Double3 by) {
+        newest?.Shift(by);
+        former?.Shift(by);
+    }
+
     /// <summary>The camera at a game time; null: there is no reply so far.</summary>
     /// <param name="targetPosition">Where TargetId is at that time; without it, only velocities carry the camera on.</param>
     public Sample? Sample(double time, Double3? targetPosition = null) {
@@ -88,9 +94,9 @@ public sealed class PoseSampler {
     sealed class Newest {
         public readonly ulong TargetId;
         readonly double timeS;
-        readonly Sample pose;
+        Sample pose;
         readonly Double3 velocity, angularVelocity;
-        readonly Double3? target;  // where the target was
+        Double3? target;  // where the target was
 
         public Newest(CameraReply reply) {
             timeS = reply.PoseTimeS;
@@ -102,6 +108,11 @@ public sealed class PoseSampler {
             if (reply.RelativePose == null) return;
             TargetId = reply.RelativePose.TargetId;
             if (TargetId != 0 && reply.RelativePose.UnrotatedPose != null) target = pose.Position - Double3.From(reply.RelativePose.UnrotatedPose.Position);
+        }
+
+        public void Shift(Double3 by) {
+            pose.Position += by;
+            target += by;
         }
 
         public Sample At(double time, Double3? targetPosition) {

@@ -3,6 +3,8 @@ package sightline
 import (
 	"slices"
 
+	"google.golang.org/protobuf/proto"
+
 	v1 "sightline.dev/go/sightline/v1"
 )
 
@@ -36,6 +38,11 @@ type timedOffset struct {
 	offset Vector
 }
 
+type worldShift struct {
+	sequence uint64
+	by       Vector
+}
+
 // display is what the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back. It has no
 // clock and no network: timeS is the game's, and the caller says whether the daemon is silent.
 type display struct {
@@ -51,6 +58,7 @@ type display struct {
 	followed   bool   // since the follower began, it was shown
 	countsFrom uint64 // replies to ticks from this number on end the fallback
 	blend      *blend
+	shifts     []worldShift // by ticks that no reply covers so far
 	motion     recentMotion
 }
 
@@ -71,6 +79,9 @@ func (d *display) offset() Vector {
 }
 
 func (d *display) takeTick(tick *v1.Tick) {
+	if tick.GetWorldShift() != nil {
+		d.shiftWorld(tick.GetSequence(), read(tick.GetWorldShift()))
+	}
 	before := d.places.counted()
 	d.places.apply(tick)
 	if slices.Equal(before, d.places.counted()) {
@@ -83,10 +94,37 @@ func (d *display) takeTick(tick *v1.Tick) {
 	}
 }
 
+func (d *display) shiftWorld(sequence uint64, by Vector) {
+	d.shifts = append(d.shifts, worldShift{sequence, by})
+	d.shown.Position = d.shown.Position.plus(by)
+	d.motion.position = d.motion.position.plus(by)
+	d.places.shift(by)
+	d.sampler.Shift(by)
+	if d.centre != nil {
+		centre := d.centre.plus(by)
+		d.centre = &centre
+	}
+}
+
+// inThisWorld is the reply where the world has been shifted since its tick.
+func (d *display) inThisWorld(reply *v1.CameraReply) *v1.CameraReply {
+	d.shifts = slices.DeleteFunc(d.shifts, func(shift worldShift) bool { return shift.sequence <= reply.GetSequence() })
+	if len(d.shifts) == 0 {
+		return reply
+	}
+	position := read(reply.GetPose().GetPosition())
+	for _, shift := range d.shifts {
+		position = position.plus(shift.by)
+	}
+	moved := proto.Clone(reply).(*v1.CameraReply)
+	moved.Pose = &v1.Pose3{Position: Vec(position[0], position[1], position[2]), Rotation: reply.GetPose().GetRotation()}
+	return moved
+}
+
 func (d *display) takeReply(reply *v1.CameraReply) {
 	d.newest = reply
 	if d.follower == nil || reply.GetSequence() >= d.countsFrom {
-		d.sampler.Add(reply)
+		d.sampler.Add(d.inThisWorld(reply))
 	}
 }
 

@@ -33,6 +33,12 @@ func newTargetPlaces(opening *v1.OpenSession) *targetPlaces {
 	return p
 }
 
+func (p *targetPlaces) shift(by Vector) {
+	for id, position := range p.positions {
+		p.positions[id] = position.plus(by)
+	}
+}
+
 func (p *targetPlaces) apply(tick *v1.Tick) {
 	for _, id := range tick.GetDelta().GetRemovedIds() {
 		delete(p.positions, id)

@@ -48,6 +48,17 @@ func newNewestReply(reply *v1.CameraReply) *newestReply {
 	return made
 }
 
+func (r *newestReply) shift(by Vector) {
+	if r == nil {
+		return
+	}
+	r.pose.Position = r.pose.Position.plus(by)
+	if r.target != nil {
+		target := r.target.plus(by)
+		r.target = &target
+	}
+}
+
 func (r *newestReply) at(timeS float64, target *Vector) Sample {
 	age := timeS - r.timeS
 	carried, shown := carriedS(age), r.pose
@@ -93,6 +104,12 @@ func (s *PoseSampler) Add(reply *v1.CameraReply) bool {
 	s.sequence, s.newest = reply.GetSequence(), newNewestReply(reply)
 	s.cut = s.cut || reply.GetCut()
 	return true
+}
+
+// Shift says that the client's world has a new origin: the replies that were added lie elsewhere now (Tick.world_shift).
+func (s *PoseSampler) Shift(by Vector) {
+	s.newest.shift(by)
+	s.former.shift(by)
 }
 
 // Sample is the camera at a game time. target: where TargetID is at that time; nil: only velocities carry the camera on. False: there is no

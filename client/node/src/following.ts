@@ -12,12 +12,16 @@ export type Drawn = ReadonlyMap<bigint, Vector>;
 
 // Follows the positions of the instances and the list of targets.
 export class TargetPlaces {
-  private readonly positions = new Map<bigint, Vector>();
+  private positions = new Map<bigint, Vector>();
   private weights: [id: bigint, weight: number][] = [];
 
   constructor(opening: OpenSession) {
     this.addAll(opening.instances);
     this.choose(opening.targets);
+  }
+
+  shift(by: Vector): void {
+    this.positions = new Map([...this.positions].map(([id, position]) => [id, plus(position, by)]));
   }
 
   apply(tick: Tick): void {
@@ -80,6 +84,10 @@ export class RecentMotion {
       this.velocities = [...this.velocities.slice(1 - STEPS), times(1 / (timeS - this.last[0]), minus(position, this.last[1]))];
     }
     this.last = [timeS, position];
+  }
+
+  shift(by: Vector): void {
+    if (this.last) this.last = [this.last[0], plus(this.last[1], by)];
   }
 
   // The mean of the last steps without the fastest.

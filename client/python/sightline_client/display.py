@@ -3,8 +3,8 @@ from __future__ import annotations
 
 import enum
 import math
-from dataclasses import dataclass
-from typing import Mapping, Optional, Tuple
+from dataclasses import dataclass, replace
+from typing import List, Mapping, Optional, Tuple
 
 from sightline.v1.camera_pb2 import Pose3, Quat, Vec3
 from sightline.v1.session_pb2 import CameraReply, ObservedCamera, OpenSession, Tick
@@ -54,6 +54,7 @@ class Display:
         self._has_followed = False  # since the follower began, it was shown
         self._counts_from = 0  # replies to ticks from this number on end the fallback
         self._blend: Optional[_Blend] = None
+        self._shifts: List[Tuple[int, Vector]] = []  # of the world, by ticks that no reply covers so far
         self._motion = RecentMotion()
 
     @property
@@ -61,6 +62,8 @@ class Display:
         return self._follower is not None
 
     def take_tick(self, tick: Tick) -> None:
+        if tick.HasField("world_shift"):
+            self._shift_world(tick.sequence, vector(tick.world_shift))
         before = self.places.counted()
         self.places.apply(tick)
         if self.places.counted() != before:  # the centre may jump, and the camera must not
@@ -68,10 +71,27 @@ class Display:
             if self._follower is not None and self._centre is not None:
                 self._follower = Follower(minus(self._shown.position, self._centre), ORIGIN, tick.time_s)
 
+    def _shift_world(self, sequence: int, by: Vector) -> None:
+        self._shifts.append((sequence, by))
+        self._shown = replace(self._shown, position=plus(self._shown.position, by))
+        self._centre = plus(self._centre, by) if self._centre is not None else None
+        for part in (self.places, self._sampler, self._motion):
+            part.shift(by)
+
+    def _in_this_world(self, reply: CameraReply) -> CameraReply:
+        """The reply where the world has been shifted since its tick."""
+        self._shifts = [(sequence, by) for sequence, by in self._shifts if sequence > reply.sequence]
+        moved = CameraReply()
+        moved.CopyFrom(reply)
+        for _, (x, y, z) in self._shifts:
+            position = moved.pose.position
+            position.x, position.y, position.z = position.x + x, position.y + y, position.z + z
+        return moved
+
     def take_reply(self, reply: CameraReply) -> None:
         self.newest = reply
         if self._follower is None or reply.sequence >= self._counts_from:
-            self._sampler.add(reply)
+            self._sampler.add(self._in_this_world(reply))
 
     def follow(self, counts_from: int) -> None:
         """The daemon is silent. counts_from: the first tick whose reply ends the fallback."""

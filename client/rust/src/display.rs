@@ -40,6 +40,7 @@ pub(crate) struct Display {
     has_followed: bool, // since the follower began, it was shown
     counts_from: u64, // replies to ticks from this number on end the fallback
     blend: Option<Blend>,
+    shifts: Vec<(u64, Vector)>, // of the world, by ticks that no reply covers so far
     motion: RecentMotion,
 }
 
@@ -65,6 +66,7 @@ impl Display {
             has_followed: false,
             counts_from: 0,
             blend: None,
+            shifts: Vec::new(),
             motion: RecentMotion::default(),
         };
         // There is no reply so far, so the camera follows from the start.
@@ -81,6 +83,9 @@ impl Display {
     }
 
     pub fn take_tick(&mut self, tick: &Tick) {
+        if tick.world_shift.is_some() {
+            self.shift_world(tick.sequence, read(tick.world_shift.as_ref()));
+        }
         let before = self.places.counted();
         self.places.apply(tick);
         if self.places.counted() == before {
@@ -96,9 +101,29 @@ impl Display {
 
     pub fn take_reply(&mut self, reply: CameraReply) {
         if self.follower.is_none() || reply.sequence >= self.counts_from {
-            self.sampler.add(&reply);
+            let moved = self.in_this_world(reply.clone());
+            self.sampler.add(&moved);
         }
         self.newest = Some(reply);
+    }
+
+    fn shift_world(&mut self, sequence: u64, by: Vector) {
+        self.shifts.push((sequence, by));
+        self.shown.position = plus(self.shown.position, by);
+        self.centre = self.centre.map(|centre| plus(centre, by));
+        self.places.shift(by);
+        self.sampler.shift(by);
+        self.motion.shift(by);
+    }
+
+    /// The reply where the world has been shifted since its tick.
+    fn in_this_world(&mut self, mut reply: CameraReply) -> CameraReply {
+        self.shifts.retain(|(sequence, _)| *sequence > reply.sequence);
+        if let Some(pose) = &mut reply.pose {
+            let position = self.shifts.iter().fold(read(pose.position.as_ref()), |at, (_, by)| plus(at, *by));
+            pose.position = Some(vector(position));
+        }
+        reply
     }
 
     /// The daemon is silent. `counts_from`: the first tick whose reply ends the fallback.

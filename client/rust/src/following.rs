@@ -24,6 +24,12 @@ impl TargetPlaces {
         places
     }
 
+    pub fn shift(&mut self, by: Vector) {
+        for position in self.positions.values_mut() {
+            *position = plus(*position, by);
+        }
+    }
+
     pub fn apply(&mut self, tick: &Tick) {
         if let Some(delta) = &tick.delta {
             for id in &delta.removed_ids {
@@ -106,6 +112,10 @@ impl RecentMotion {
             }
         }
         self.last = Some((time_s, position));
+    }
+
+    pub fn shift(&mut self, by: Vector) {
+        self.last = self.last.map(|(time_s, position)| (time_s, plus(position, by)));
     }
 
     /// The mean of the last steps without the fastest.

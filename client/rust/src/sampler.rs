@@ -52,6 +52,11 @@ impl Newest {
         }
     }
 
+    fn shift(&mut self, by: Vector) {
+        self.pose.position = plus(self.pose.position, by);
+        self.target = self.target.map(|target| plus(target, by));
+    }
+
     fn at(&self, time_s: f64, target_position: Option<Vector>) -> Sample {
         let age_s = time_s - self.time_s;
         let carried = carried_s(age_s);
@@ -102,6 +107,13 @@ impl PoseSampler {
         self.newest = Some(Newest::new(reply));
         self.cut |= reply.cut;
         true
+    }
+
+    /// The client's world has a new origin: the replies that were added lie elsewhere now (`Tick::world_shift`).
+    pub fn shift(&mut self, by: Vector) {
+        for reply in [&mut self.newest, &mut self.former].into_iter().flatten() {
+            reply.shift(by);
+        }
     }
 
     /// The camera at a game time. `target_position`: where `target_id` is at that time; without it, only velocities carry the camera on. None: there
