@@ -1,4 +1,4 @@
-// What the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back. No clock and no network: times
+// The camera that the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back. No clock and no network: times
 // are the game's, and the caller says whether the daemon is silent.
 #pragma once
 
@@ -24,9 +24,9 @@ class Display {
   void take_reply(v1::CameraReply reply);
   // The daemon is silent. `counts_from`: the first tick whose reply ends the fallback.
   void follow(uint64_t counts_from);
-  // The camera at a game time. `drawn`: positions of targets at that time, where newer than those of the newest tick.
+  // The camera at a game time. `drawn`: positions of targets at that time, if they are newer than the newest tick.
   std::pair<CameraSample, LiveSource> show(double time_s, const Drawn& drawn);
-  // What the player sees, for the daemon to go on from.
+  // The camera that the player sees, so that the daemon goes on from it.
   v1::ObservedCamera observed() const;
 
  private:

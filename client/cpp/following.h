@@ -13,7 +13,7 @@
 
 namespace sightline::live {
 
-// Positions by id that are newer than those of the newest tick.
+// Positions by id that are newer than the newest tick.
 using Drawn = std::map<uint64_t, Vector>;
 
 // Follows the positions of the instances and the list of targets.
@@ -36,7 +36,7 @@ class TargetPlaces {
   std::vector<std::pair<uint64_t, double>> weights_;
 };
 
-// Keeps the camera's place relative to the targets' centre. What it moved relative to them dies away. It turns no more.
+// Keeps the camera's place relative to the targets' centre. Its motion relative to them dies away. It turns no more.
 struct Follower {
   Vector offset{}, velocity{};
   double since_s = 0;

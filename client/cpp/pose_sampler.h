@@ -39,7 +39,7 @@ class PoseSampler {
   std::optional<CameraSample> sample(double time_s, const std::optional<std::array<double, 3>>& target_position = {});
 
  private:
-  // What the sampler needs of a reply.
+  // The part of a reply that the sampler needs.
   struct Newest {
     double time_s;
     CameraSample pose;
@@ -57,7 +57,7 @@ class PoseSampler {
   std::optional<Newest> former_;  // the one of the former sample, while a newer one waits to be shown
   bool cut_ = false;              // a reply since the former sample was a cut
   double time_s_ = -std::numeric_limits<double>::infinity();  // of the former sample
-  // What fades away: the former sample minus the newest reply, at time_s_.
+  // The remainder that fades away: the former sample minus the newest reply, at time_s_.
   std::array<double, 3> shift_{}, turn_{};
   double zoom_ = 0;
 };

@@ -5,7 +5,7 @@ using Sightline.V1;
 
 namespace Sightline.Client {
 
-/// <summary>Where a shown pose comes from.</summary>
+/// <summary>The origin of a shown pose.</summary>
 public enum LiveSource {
     /// <summary>The daemon's answer to this tick.</summary>
     Reply,
@@ -17,7 +17,7 @@ public enum LiveSource {
     Blend
 }
 
-// What the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back. No clock and no network: times are
+// The camera that the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back. No clock and no network: times are
 // the game's, and the caller says whether the daemon is silent.
 internal sealed class Display {
     // The fallback's pose minus the daemon's, where they met.
@@ -102,7 +102,7 @@ internal sealed class Display {
         blend = null;
     }
 
-    // The camera at a game time. drawn: positions of targets at that time, where newer than those of the newest tick.
+    // The camera at a game time. drawn: positions of targets at that time, if they are newer than the newest tick.
     public Sample Show(double timeS, IReadOnlyDictionary<ulong, Double3> drawn, out LiveSource source) {
         var now = places.Centre(drawn);
         Sample sample;
@@ -119,7 +119,7 @@ internal sealed class Display {
         return sample;
     }
 
-    // What the player sees, for the daemon to go on from.
+    // The camera that the player sees, so that the daemon goes on from it.
     public ObservedCamera Observed() {
         var pose = new Pose3 { Position = shown.Position.ToMessage(), Rotation = shown.Rotation.ToMessage() };
         return new ObservedCamera { Pose = pose, Velocity = motion.Velocity().ToMessage() };

@@ -64,7 +64,7 @@ internal sealed class TargetPlaces {
     }
 }
 
-// Keeps the camera's place relative to the targets' centre. What it moved relative to them dies away. It turns no more.
+// Keeps the camera's place relative to the targets' centre. Its motion relative to them dies away. It turns no more.
 internal sealed class Follower {
     const double CarryS = 0.1;  // time constant
     readonly Double3 offset, velocity;

@@ -27,7 +27,7 @@ public sealed class PoseSampler {
     Newest former;  // the one of the former sample, while a newer one waits to be shown
     bool cut;       // a reply since the former sample was a cut
     double timeS = double.NegativeInfinity;  // of the former sample
-    // What fades away: the former sample minus the newest reply, at timeS.
+    // The remainder that fades away: the former sample minus the newest reply, at timeS.
     Double3 shift, turn;
     double zoom;
 
@@ -90,7 +90,7 @@ public sealed class PoseSampler {
         return FullS + easingS - easingS * easingS / (2 * (StopS - FullS));
     }
 
-    // What the sampler needs of a reply.
+    // The part of a reply that the sampler needs.
     sealed class Newest {
         public readonly ulong TargetId;
         readonly double timeS;

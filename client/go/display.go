@@ -8,7 +8,7 @@ import (
 	v1 "sightline.dev/go/sightline/v1"
 )
 
-// Source says where a shown pose comes from.
+// Source is the origin of a shown pose.
 type Source string
 
 const (
@@ -152,7 +152,7 @@ func (d *display) relativeVelocity() Vector {
 	return velocity.times(most / speed)
 }
 
-// show is the camera at a game time. drawn: positions of targets at that time, where newer than those of the newest tick.
+// show is the camera at a game time. drawn: positions of targets at that time, if they are newer than the newest tick.
 func (d *display) show(timeS float64, drawn Drawn) (shown Sample, source Source) {
 	centre := d.places.centre(drawn)
 	daemon, ok := d.sampler.Sample(timeS, d.places.position(d.sampler.TargetID(), drawn))
@@ -213,7 +213,7 @@ func (d *display) remember(shown Sample, timeS float64, centre *Vector) {
 	}
 }
 
-// observed is what the player sees, for the daemon to go on from.
+// observed is the camera that the player sees, so that the daemon goes on from it.
 func (d *display) observed() *v1.ObservedCamera {
 	p, q, v := d.shown.Position, d.shown.Rotation, d.motion.velocity()
 	pose := &v1.Pose3{Position: Vec(p[0], p[1], p[2]), Rotation: &v1.Quat{X: q[0], Y: q[1], Z: q[2], W: q[3]}}

@@ -29,7 +29,7 @@ func carriedS(ageS float64) float64 {
 	return fullS + easing - easing*easing/(2*(stopS-fullS))
 }
 
-// newestReply is what the sampler needs of a reply.
+// newestReply is the part of a reply that the sampler needs.
 type newestReply struct {
 	timeS                     float64
 	pose                      Sample
@@ -80,7 +80,7 @@ type PoseSampler struct {
 	sequence       uint64
 	cut            bool     // a reply since the former sample was a cut
 	timeS          *float64 // of the former sample
-	// What fades away: the former sample minus the newest reply, at timeS.
+	// The remainder that fades away: the former sample minus the newest reply, at timeS.
 	shift, turn Vector
 	zoom        float64
 }

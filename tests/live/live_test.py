@@ -69,6 +69,9 @@ class Trial(unittest.TestCase):
         return Game(self.player, address or self.daemon.address, wait_s)
 
     def check_calls(self, frames, wait_s=WAIT_S):
+        if frames[0].view["sequence"] == 1:  # it also compiles the client under Mono and Node
+            self.assertLess(frames[0].view["took_s"], wait_s + 5 * SPARE_S, "the first call")
+            frames = frames[1:]
         slowest = max(frames, key=lambda frame: frame.view["took_s"])
         self.assertLess(slowest.view["took_s"], wait_s + SPARE_S, f"a call at {slowest.time_s:.2f} s")
 

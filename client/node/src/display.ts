@@ -1,4 +1,4 @@
-// What the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back. No clock and no network:
+// The camera that the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back. No clock and no network:
 // timeS is the game's, and the caller says whether the daemon is silent.
 import {clone, create} from "@bufbuild/protobuf";
 
@@ -9,7 +9,7 @@ import {ORIGIN, inverse, length, minus, plus, product, read, readRotation, rotat
 import {PoseSampler, type Sample} from "./sampler.js";
 import {vector, type Vector} from "./shapes.js";
 
-// Where a shown pose comes from.
+// The origin of a shown pose.
 // reply: the daemon's answer to this tick. predicted: an earlier answer, brought up to date. fallback: no daemon answers, and the camera keeps its
 // place relative to the targets. blend: the way from the fallback to the daemon's camera.
 export type Source = "reply" | "predicted" | "fallback" | "blend";
@@ -81,7 +81,7 @@ export class Display {
     this.blend = undefined;
   }
 
-  // The camera at a game time. drawn: positions of targets at that time, where newer than those of the newest tick.
+  // The camera at a game time. drawn: positions of targets at that time, if they are newer than the newest tick.
   show(timeS: number, drawn: Drawn = NOTHING_DRAWN): [Sample, Source] {
     const centre = this.places.centre(drawn);
     const followed = this.followed(timeS, centre);
@@ -93,7 +93,7 @@ export class Display {
     return shown;
   }
 
-  // What the player sees, for the daemon to go on from.
+  // The camera that the player sees, so that the daemon goes on from it.
   observed(): ObservedCamera {
     const {position, rotation: [x, y, z, w]} = this.shown;
     return create(ObservedCameraSchema, {pose: {position: vector(position), rotation: {x, y, z, w}}, velocity: vector(this.motion.velocity())});

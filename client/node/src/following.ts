@@ -7,7 +7,7 @@ import type {Vector} from "./shapes.js";
 const CARRY_S = 0.1; // time constant with which the motion relative to the targets dies away
 const STEPS = 5;
 
-// Positions by id that are newer than those of the newest tick.
+// Positions by id that are newer than the newest tick.
 export type Drawn = ReadonlyMap<bigint, Vector>;
 
 // Follows the positions of the instances and the list of targets.
@@ -63,7 +63,7 @@ export class TargetPlaces {
   }
 }
 
-// Keeps the camera's place relative to the targets' centre. What it moved relative to them dies away. It turns no more.
+// Keeps the camera's place relative to the targets' centre. Its motion relative to them dies away. It turns no more.
 export class Follower {
   constructor(private readonly offset: Vector, private readonly velocity: Vector, private readonly sinceS: number) {}
 

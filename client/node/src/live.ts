@@ -1,4 +1,4 @@
-// A camera for a game loop: no call waits for long, whatever happens to the daemon.
+// A camera for a game loop: no call waits for long, with or without a daemon.
 import {clone, create, type MessageInitShape} from "@bufbuild/protobuf";
 
 import {Camera, isLost, pauses, type Options} from "./camera.js";
@@ -81,7 +81,7 @@ export class LiveCamera {
     return this.camera?.resumes ?? 0;
   }
 
-  // Tells the daemon what has changed, and returns the camera to draw, at once. The camera numbers ticks. Replies come in between calls, while
+  // Tells the daemon what has changed, and returns the camera to draw at once. The camera numbers ticks. Replies come in between calls, while
   // the program awaits something. Throws QueueFull, and Failed for an opening that no daemon accepts.
   update(message: MessageInitShape<typeof TickSchema>): LiveView {
     const tick = this.take(message);

@@ -22,7 +22,7 @@ function carriedS(ageS: number): number {
   return FULL_S + easingS - (easingS * easingS) / (2 * (STOP_S - FULL_S));
 }
 
-// What the sampler needs of a reply.
+// The part of a reply that the sampler needs.
 class Newest {
   readonly targetId: bigint;
   private readonly timeS: number;
@@ -64,7 +64,7 @@ export class PoseSampler {
   private former?: Newest; // the one of the former sample, while a newer one waits to be shown
   private cut = false; // a reply since the former sample was a cut
   private timeS = -Infinity; // of the former sample
-  // What fades away: the former sample minus the newest reply, at timeS.
+  // The remainder that fades away: the former sample minus the newest reply, at timeS.
   private gap = ORIGIN;
   private turn = ORIGIN;
   private zoom = 0;

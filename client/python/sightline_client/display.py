@@ -1,4 +1,4 @@
-"""What the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back."""
+"""The camera that the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back."""
 from __future__ import annotations
 
 import enum
@@ -14,7 +14,7 @@ from sightline_client.sampler import PoseSampler, Sample, vector
 from sightline_client.shapes import Vector
 
 class Source(enum.Enum):
-    """Where a shown pose comes from."""
+    """The origin of a shown pose."""
     REPLY = "reply"  # the daemon's answer to this tick
     PREDICTED = "predicted"  # an earlier answer, brought up to date
     FALLBACK = "fallback"  # no daemon answers: the camera keeps its place relative to the targets
@@ -112,7 +112,7 @@ class Display:
         return velocity if speed <= most else times(most / speed, velocity)
 
     def show(self, time_s: float, drawn: Mapping[int, Vector]) -> Tuple[Sample, Source]:
-        """The camera at a game time. drawn: positions of targets at that time, where newer than those of the newest tick."""
+        """The camera at a game time. drawn: positions of targets at that time, if they are newer than the newest tick."""
         centre = self.places.centre(drawn)
         followed = self._followed(time_s, centre)
         daemon = self._sampler.sample(time_s, self.places.position(self._sampler.target_id, drawn))
@@ -158,6 +158,6 @@ class Display:
             self._offsets = (*self._offsets[-1:], (time_s, minus(sample.position, centre)))
 
     def observed(self) -> ObservedCamera:
-        """What the player sees, for the daemon to go on from."""
+        """The camera that the player sees, so that the daemon goes on from it."""
         (x, y, z), (a, b, c, d), (u, v, w) = self._shown.position, self._shown.rotation, self._motion.velocity()
         return ObservedCamera(pose=Pose3(position=Vec3(x=x, y=y, z=z), rotation=Quat(x=a, y=b, z=c, w=d)), velocity=Vec3(x=u, y=v, z=w))

@@ -62,7 +62,7 @@ class TargetPlaces:
 
 
 class Follower:
-    """Keeps the camera's place relative to the targets' centre. What it moved relative to them dies away. It turns no more."""
+    """Keeps the camera's place relative to the targets' centre. Its motion relative to them dies away. It turns no more."""
 
     def __init__(self, offset: Vector, relative_velocity: Vector, time_s: float) -> None:
         self._offset, self._velocity, self._since_s = offset, relative_velocity, time_s

@@ -1,4 +1,4 @@
-"""A camera for a game loop: no call waits for long, whatever happens to the daemon."""
+"""A camera for a game loop: no call waits for long, with or without a daemon."""
 from __future__ import annotations
 
 import math

@@ -37,7 +37,7 @@ def vector(v: Vec3) -> Vector:
 
 
 class _Newest:
-    """What the sampler needs of a reply."""
+    """The part of a reply that the sampler needs."""
 
     def __init__(self, reply: CameraReply) -> None:
         self.time_s: float = reply.pose_time_s
@@ -80,7 +80,7 @@ class PoseSampler:
         self._former: Optional[_Newest] = None  # the one of the former sample, while a newer one waits to be shown
         self._cut = False  # a reply since the former sample was a cut
         self._time_s = -math.inf  # of the former sample
-        # What fades away: the former sample minus the newest reply, at _time_s.
+        # The remainder that fades away: the former sample minus the newest reply, at _time_s.
         self._shift, self._turn, self._zoom = ORIGIN, ORIGIN, 0.0
 
     @property

@@ -1,4 +1,4 @@
-//! What the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back. No clock and no network: times
+//! The camera that the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back. No clock and no network: times
 //! are the game's, and the caller says whether the daemon is silent.
 use crate::following::{Drawn, Follower, RecentMotion, TargetPlaces};
 use crate::rotations::{inverse, length, minus, plus, product, read, read_rotation, rotation_of, times, turn_of, Vector, ORIGIN};
@@ -6,7 +6,7 @@ use crate::sampler::{PoseSampler, Sample};
 use crate::shapes::vector;
 use crate::v1::{CameraReply, ObservedCamera, OpenSession, Pose3, Quat, Tick};
 
-/// Where a shown pose comes from.
+/// The origin of a shown pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Source {
     /// The daemon's answer to this tick.
@@ -153,7 +153,7 @@ impl Display {
         }
     }
 
-    /// The camera at a game time. `drawn`: positions of targets at that time, where newer than those of the newest tick.
+    /// The camera at a game time. `drawn`: positions of targets at that time, if they are newer than the newest tick.
     pub fn show(&mut self, time_s: f64, drawn: &Drawn) -> (Sample, Source) {
         let centre = self.places.centre(drawn);
         let followed = self.followed(time_s, centre);
@@ -174,7 +174,7 @@ impl Display {
         shown
     }
 
-    /// What the player sees, for the daemon to go on from.
+    /// The camera that the player sees, so that the daemon goes on from it.
     pub fn observed(&self) -> ObservedCamera {
         let [x, y, z, w] = self.shown.rotation;
         let pose = Pose3 { position: Some(vector(self.shown.position)), rotation: Some(Quat { x, y, z, w }) };

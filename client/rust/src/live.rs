@@ -1,4 +1,4 @@
-//! A camera for a game loop: no call waits for long, whatever happens to the daemon.
+//! A camera for a game loop: no call waits for long, with or without a daemon.
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -146,7 +146,7 @@ impl LiveCamera {
         self.shared.lock().resumes
     }
 
-    /// Tells the daemon what has changed, and returns the camera to draw, at once. The camera numbers ticks. The error is `QueueFull`, or `Failed` for an
+    /// Tells the daemon what has changed, and returns the camera to draw at once. The camera numbers ticks. The error is `QueueFull`, or `Failed` for an
     /// opening that no daemon accepts.
     pub fn update(&mut self, tick: Tick) -> Result<LiveView, Error> {
         let time_s = tick.time_s;

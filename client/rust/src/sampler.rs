@@ -25,7 +25,7 @@ fn carried_s(age_s: f64) -> f64 {
     FULL_S + easing_s - easing_s * easing_s / (2.0 * (STOP_S - FULL_S))
 }
 
-/// What the sampler needs of a reply.
+/// The part of a reply that the sampler needs.
 #[derive(Debug, Clone, Copy)]
 struct Newest {
     time_s: f64,
@@ -77,7 +77,7 @@ pub struct PoseSampler {
     former: Option<Newest>, // the one of the former sample, while a newer one waits to be shown
     cut: bool,              // a reply since the former sample was a cut
     time_s: f64,            // of the former sample
-    // What fades away: the former sample minus the newest reply, at time_s.
+    // The remainder that fades away: the former sample minus the newest reply, at time_s.
     shift: Vector,
     turn: Vector,
     zoom: f64,
