@@ -14,6 +14,7 @@ Vector Display::offset() const {
 }
 
 void Display::take_tick(const v1::Tick& tick) {
+  if (tick.has_world_shift()) shift_world(tick.sequence(), read(tick.world_shift()));
   const auto before = places_.counted();
   places_.apply(tick);
   if (places_.counted() == before) return;
@@ -24,8 +25,26 @@ void Display::take_tick(const v1::Tick& tick) {
 }
 
 void Display::take_reply(v1::CameraReply reply) {
-  if (!follower_ || reply.sequence() >= counts_from_) sampler_.add(reply);
+  if (!follower_ || reply.sequence() >= counts_from_) sampler_.add(in_this_world(reply));
   newest_ = std::move(reply);
+}
+
+void Display::shift_world(uint64_t sequence, const Vector& by) {
+  shifts_.emplace_back(sequence, by);
+  shown_.position = plus(shown_.position, by);
+  if (centre_) centre_ = plus(*centre_, by);
+  places_.shift(by);
+  sampler_.shift(by);
+  motion_.shift(by);
+}
+
+// The reply where the world has been shifted since its tick.
+v1::CameraReply Display::in_this_world(v1::CameraReply reply) {
+  std::erase_if(shifts_, [&](const auto& shift) { return shift.first <= reply.sequence(); });
+  v1::Vec3& position = *reply.mutable_pose()->mutable_position();
+  for (const auto& [sequence, by] : shifts_)
+    position.set_x(position.x() + by[0]), position.set_y(position.y() + by[1]), position.set_z(position.z() + by[2]);
+  return reply;
 }
 
 void Display::follow(uint64_t counts_from) {

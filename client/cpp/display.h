@@ -1,4 +1,4 @@
-// What the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back. No clock and no network: times
+// The camera that the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back. No clock and no network: times
 // are the game's, and the caller says whether the daemon is silent.
 #pragma once
 
@@ -24,9 +24,9 @@ class Display {
   void take_reply(v1::CameraReply reply);
   // The daemon is silent. `counts_from`: the first tick whose reply ends the fallback.
   void follow(uint64_t counts_from);
-  // The camera at a game time. `drawn`: positions of targets at that time, where newer than those of the newest tick.
+  // The camera at a game time. `drawn`: positions of targets at that time, if they are newer than the newest tick.
   std::pair<CameraSample, LiveSource> show(double time_s, const Drawn& drawn);
-  // What the player sees, for the daemon to go on from.
+  // The camera that the player sees, so that the daemon goes on from it.
   v1::ObservedCamera observed() const;
 
  private:
@@ -36,6 +36,8 @@ class Display {
     Vector shift, turn;
     double zoom;
   };
+  void shift_world(uint64_t sequence, const Vector& by);
+  v1::CameraReply in_this_world(v1::CameraReply reply);
   Vector offset() const;
   Vector relative_velocity() const;
   CameraSample followed(double time_s, const std::optional<Vector>& centre) const;
@@ -56,6 +58,7 @@ class Display {
   bool has_followed_ = false;  // since the follower began, it was shown
   uint64_t counts_from_ = 0;  // replies to ticks from this number on end the fallback
   std::optional<Blend> blend_;
+  std::vector<std::pair<uint64_t, Vector>> shifts_;  // of the world, by ticks that no reply covers so far
   RecentMotion motion_;
 };
 

@@ -15,6 +15,10 @@ TargetPlaces::TargetPlaces(const v1::OpenSession& opening) {
   choose(opening.targets());
 }
 
+void TargetPlaces::shift(const Vector& by) {
+  for (auto& [id, position] : positions_) position = plus(position, by);
+}
+
 void TargetPlaces::apply(const v1::Tick& tick) {
   for (const uint64_t id : tick.delta().removed_ids()) positions_.erase(id);
   for (const v1::NewInstance& added : tick.delta().added_instances()) positions_[added.id()] = read(added.pose().position());
@@ -65,6 +69,10 @@ void RecentMotion::add(double time_s, const Vector& position) {
   if (last_) velocities_.push_back(times(1 / (time_s - last_->first), minus(position, last_->second)));
   if (velocities_.size() > kSteps) velocities_.pop_front();
   last_ = {time_s, position};
+}
+
+void RecentMotion::shift(const Vector& by) {
+  if (last_) last_->second = plus(last_->second, by);
 }
 
 Vector RecentMotion::velocity() const {

@@ -13,7 +13,7 @@
 
 namespace sightline::live {
 
-// Positions by id that are newer than those of the newest tick.
+// Positions by id that are newer than the newest tick.
 using Drawn = std::map<uint64_t, Vector>;
 
 // Follows the positions of the instances and the list of targets.
@@ -21,6 +21,7 @@ class TargetPlaces {
  public:
   explicit TargetPlaces(const v1::OpenSession& opening);
 
+  void shift(const Vector& by);
   void apply(const v1::Tick& tick);
   // The targets that make up the centre, and their weights.
   std::vector<std::pair<uint64_t, double>> counted() const;
@@ -35,7 +36,7 @@ class TargetPlaces {
   std::vector<std::pair<uint64_t, double>> weights_;
 };
 
-// Keeps the camera's place relative to the targets' centre. What it moved relative to them dies away. It turns no more.
+// Keeps the camera's place relative to the targets' centre. Its motion relative to them dies away. It turns no more.
 struct Follower {
   Vector offset{}, velocity{};
   double since_s = 0;
@@ -47,6 +48,7 @@ struct Follower {
 class RecentMotion {
  public:
   void add(double time_s, const Vector& position);
+  void shift(const Vector& by);
   // The mean of the last steps without the fastest.
   Vector velocity() const;
 

@@ -1,4 +1,4 @@
-// A camera for a game loop: no call waits for long, whatever happens to the daemon.
+// A camera for a game loop: no call waits for long, with or without a daemon.
 //
 //   auto camera = sightline::LiveCamera::open({"127.0.0.1:50151"}, open);   // returns at once; a thread reaches the daemon
 //   auto view = camera.tick(tick);                                          // each frame; draw (*view).shown
@@ -38,7 +38,7 @@ struct LiveOptions {
   std::chrono::milliseconds close_after{1'000};
 };
 
-// Where a shown pose comes from.
+// The origin of a shown pose.
 enum class LiveSource {
   kReply,      // the daemon's answer to this tick
   kPredicted,  // an earlier answer, brought up to date
@@ -59,7 +59,7 @@ struct LiveView {
 
 class LiveCamera {
  public:
-  // Positions by id that are newer than those of the newest tick.
+  // Positions by id that are newer than the newest tick.
   using Drawn = std::map<uint64_t, std::array<double, 3>>;
 
   // Starts a session with the first of the addresses ("host:port" or "unix:/path") that answers; at least one.

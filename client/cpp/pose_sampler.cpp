@@ -22,6 +22,11 @@ double carried_s(double age_s) {
 
 }  // namespace
 
+void PoseSampler::Newest::shift(const Vector& by) {
+  pose.position = plus(pose.position, by);
+  if (target) target = plus(*target, by);
+}
+
 CameraSample PoseSampler::Newest::at(double time, const std::optional<Vector>& target_position) const {
   const double age_s = time - time_s, carried = carried_s(age_s);
   CameraSample shown = pose;
@@ -43,6 +48,11 @@ bool PoseSampler::add(const v1::CameraReply& reply) {
   if (relative.target_id() != 0 && relative.has_unrotated_pose())
     newest_->target = minus(pose.position, read(relative.unrotated_pose().position()));
   return true;
+}
+
+void PoseSampler::shift(const Vector& by) {
+  if (newest_) newest_->shift(by);
+  if (former_) former_->shift(by);
 }
 
 std::optional<CameraSample> PoseSampler::sample(double time_s, const std::optional<Vector>& target_position) {

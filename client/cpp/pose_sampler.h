@@ -31,12 +31,15 @@ class PoseSampler {
   // Takes a reply. False: it is not newer than the newest one, and is ignored.
   bool add(const v1::CameraReply& reply);
 
+  // The client's world has a new origin: the replies that were added lie elsewhere now (Tick.world_shift).
+  void shift(const std::array<double, 3>& by);
+
   // The camera at a game time; nothing: there is no reply so far. `target_position`: where target_id() is at that time; without it, only
   // velocities carry the camera on.
   std::optional<CameraSample> sample(double time_s, const std::optional<std::array<double, 3>>& target_position = {});
 
  private:
-  // What the sampler needs of a reply.
+  // The part of a reply that the sampler needs.
   struct Newest {
     double time_s;
     CameraSample pose;
@@ -44,6 +47,7 @@ class PoseSampler {
     uint64_t target_id;
     std::optional<std::array<double, 3>> target;  // where the target was
 
+    void shift(const std::array<double, 3>& by);
     CameraSample at(double time, const std::optional<std::array<double, 3>>& target_position) const;
   };
   void fade(double time_s);
@@ -53,7 +57,7 @@ class PoseSampler {
   std::optional<Newest> former_;  // the one of the former sample, while a newer one waits to be shown
   bool cut_ = false;              // a reply since the former sample was a cut
   double time_s_ = -std::numeric_limits<double>::infinity();  // of the former sample
-  // What fades away: the former sample minus the newest reply, at time_s_.
+  // The remainder that fades away: the former sample minus the newest reply, at time_s_.
   std::array<double, 3> shift_{}, turn_{};
   double zoom_ = 0;
 };

@@ -15,7 +15,7 @@ namespace sightline::live {
 
 class WaitingTicks {
  public:
-  // So many entries may wait.
+  // The number of entries that may wait.
   static constexpr size_t kMost = 4096;
 
   bool empty() const { return entries_.empty(); }

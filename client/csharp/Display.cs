@@ -5,7 +5,7 @@ using Sightline.V1;
 
 namespace Sightline.Client {
 
-/// <summary>Where a shown pose comes from.</summary>
+/// <summary>The origin of a shown pose.</summary>
 public enum LiveSource {
     /// <summary>The daemon's answer to this tick.</summary>
     Reply,
@@ -17,7 +17,7 @@ public enum LiveSource {
     Blend
 }
 
-// What the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back. No clock and no network: times are
+// The camera that the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back. No clock and no network: times are
 // the game's, and the caller says whether the daemon is silent.
 internal sealed class Display {
     // The fallback's pose minus the daemon's, where they met.
@@ -38,6 +38,7 @@ internal sealed class Display {
     bool hasFollowed;  // since the follower began, it was shown
     ulong countsFrom;  // replies to ticks from this number on end the fallback
     BlendState blend;
+    readonly List<KeyValuePair<ulong, Double3>> shifts = new List<KeyValuePair<ulong, Double3>>();  // of the world, by ticks that no reply covers so far
 
     public CameraReply Newest { get; private set; }
     public bool Follows => follower != null;
@@ -54,6 +55,7 @@ internal sealed class Display {
     }
 
     public void TakeTick(Tick tick) {
+        if (tick.WorldShift != null) ShiftWorld(tick.Sequence, Double3.From(tick.WorldShift));
         var before = places.Counted();
         places.Apply(tick);
         if (before.SequenceEqual(places.Counted())) return;
@@ -65,7 +67,26 @@ internal sealed class Display {
 
     public void TakeReply(CameraReply reply) {
         Newest = reply;
-        if (follower == null || reply.Sequence >= countsFrom) sampler.Add(reply);
+        if (follower == null || reply.Sequence >= countsFrom) sampler.Add(InThisWorld(reply));
+    }
+
+    void ShiftWorld(ulong sequence, Double3 by) {
+        shifts.Add(new KeyValuePair<ulong, Double3>(sequence, by));
+        shown.Position += by;
+        centre += by;
+        places.Shift(by);
+        sampler.Shift(by);
+        motion.Shift(by);
+    }
+
+    // The reply where the world has been shifted since its tick.
+    CameraReply InThisWorld(CameraReply reply) {
+        shifts.RemoveAll(shift => shift.Key <= reply.Sequence);
+        if (shifts.Count == 0) return reply;
+        var moved = reply.Clone();
+        var position = shifts.Aggregate(Double3.From(reply.Pose?.Position), (at, shift) => at + shift.Value);
+        moved.Pose = new Pose3 { Position = position.ToMessage(), Rotation = reply.Pose?.Rotation };
+        return moved;
     }
 
     // The daemon is silent. from: the first tick whose reply ends the fallback.
@@ -81,7 +102,7 @@ internal sealed class Display {
         blend = null;
     }
 
-    // The camera at a game time. drawn: positions of targets at that time, where newer than those of the newest tick.
+    // The camera at a game time. drawn: positions of targets at that time, if they are newer than the newest tick.
     public Sample Show(double timeS, IReadOnlyDictionary<ulong, Double3> drawn, out LiveSource source) {
         var now = places.Centre(drawn);
         Sample sample;
@@ -98,7 +119,7 @@ internal sealed class Display {
         return sample;
     }
 
-    // What the player sees, for the daemon to go on from.
+    // The camera that the player sees, so that the daemon goes on from it.
     public ObservedCamera Observed() {
         var pose = new Pose3 { Position = shown.Position.ToMessage(), Rotation = shown.Rotation.ToMessage() };
         return new ObservedCamera { Pose = pose, Velocity = motion.Velocity().ToMessage() };

@@ -50,7 +50,7 @@ public sealed class RefusedException : Exception {
         (Error.Code == TickError.Types.Code.Internal || Error.Code == TickError.Types.Code.Unavailable) && Error.FieldViolations.Count == 0;
 }
 
-/// <summary>So many ticks wait for a daemon that no more are taken. This one was not.</summary>
+/// <summary>A tick that was not taken, because too many wait for a daemon.</summary>
 public sealed class QueueFullException : Exception {
     public QueueFullException(string message) : base(message) { }
 }

@@ -7,13 +7,15 @@ namespace Sightline.Client {
 
 // Follows the positions of the instances and the list of targets, as the game said.
 internal sealed class TargetPlaces {
-    readonly Dictionary<ulong, Double3> positions = new Dictionary<ulong, Double3>();
+    Dictionary<ulong, Double3> positions = new Dictionary<ulong, Double3>();
     List<KeyValuePair<ulong, double>> weights;
 
     public TargetPlaces(OpenSession opening) {
         AddAll(opening.Instances);
         Choose(opening.Targets);
     }
+
+    public void Shift(Double3 by) { positions = positions.ToDictionary(place => place.Key, place => place.Value + by); }
 
     public void Apply(Tick tick) {
         if (tick.Delta != null) {
@@ -62,7 +64,7 @@ internal sealed class TargetPlaces {
     }
 }
 
-// Keeps the camera's place relative to the targets' centre. What it moved relative to them dies away. It turns no more.
+// Keeps the camera's place relative to the targets' centre. Its motion relative to them dies away. It turns no more.
 internal sealed class Follower {
     const double CarryS = 0.1;  // time constant
     readonly Double3 offset, velocity;
@@ -93,6 +95,8 @@ internal sealed class RecentMotion {
         last = position;
         timeS = time;
     }
+
+    public void Shift(Double3 by) { last += by; }
 
     // The mean of the last steps without the fastest.
     public Double3 Velocity() {

@@ -27,7 +27,7 @@ public sealed class PoseSampler {
     Newest former;  // the one of the former sample, while a newer one waits to be shown
     bool cut;       // a reply since the former sample was a cut
     double timeS = double.NegativeInfinity;  // of the former sample
-    // What fades away: the former sample minus the newest reply, at timeS.
+    // The remainder that fades away: the former sample minus the newest reply, at timeS.
     Double3 shift, turn;
     double zoom;
 
@@ -42,6 +42,12 @@ public sealed class PoseSampler {
         newest = new Newest(reply);
         cut |= reply.Cut;
         return true;
+    }
+
+    /// <summary>The client's world has a new origin: the replies that were added lie elsewhere now (Tick.WorldShift).</summary>
+    public void Shift(Double3 by) {
+        newest?.Shift(by);
+        former?.Shift(by);
     }
 
     /// <summary>The camera at a game time; null: there is no reply so far.</summary>
@@ -84,13 +90,13 @@ public sealed class PoseSampler {
         return FullS + easingS - easingS * easingS / (2 * (StopS - FullS));
     }
 
-    // What the sampler needs of a reply.
+    // The part of a reply that the sampler needs.
     sealed class Newest {
         public readonly ulong TargetId;
         readonly double timeS;
-        readonly Sample pose;
+        Sample pose;
         readonly Double3 velocity, angularVelocity;
-        readonly Double3? target;  // where the target was
+        Double3? target;  // where the target was
 
         public Newest(CameraReply reply) {
             timeS = reply.PoseTimeS;
@@ -102,6 +108,11 @@ public sealed class PoseSampler {
             if (reply.RelativePose == null) return;
             TargetId = reply.RelativePose.TargetId;
             if (TargetId != 0 && reply.RelativePose.UnrotatedPose != null) target = pose.Position - Double3.From(reply.RelativePose.UnrotatedPose.Position);
+        }
+
+        public void Shift(Double3 by) {
+            pose.Position += by;
+            target += by;
         }
 
         public Sample At(double time, Double3? targetPosition) {

@@ -3,10 +3,12 @@ package sightline
 import (
 	"slices"
 
+	"google.golang.org/protobuf/proto"
+
 	v1 "sightline.dev/go/sightline/v1"
 )
 
-// Source says where a shown pose comes from.
+// Source is the origin of a shown pose.
 type Source string
 
 const (
@@ -36,6 +38,11 @@ type timedOffset struct {
 	offset Vector
 }
 
+type worldShift struct {
+	sequence uint64
+	by       Vector
+}
+
 // display is what the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back. It has no
 // clock and no network: timeS is the game's, and the caller says whether the daemon is silent.
 type display struct {
@@ -51,6 +58,7 @@ type display struct {
 	followed   bool   // since the follower began, it was shown
 	countsFrom uint64 // replies to ticks from this number on end the fallback
 	blend      *blend
+	shifts     []worldShift // by ticks that no reply covers so far
 	motion     recentMotion
 }
 
@@ -71,6 +79,9 @@ func (d *display) offset() Vector {
 }
 
 func (d *display) takeTick(tick *v1.Tick) {
+	if tick.GetWorldShift() != nil {
+		d.shiftWorld(tick.GetSequence(), read(tick.GetWorldShift()))
+	}
 	before := d.places.counted()
 	d.places.apply(tick)
 	if slices.Equal(before, d.places.counted()) {
@@ -83,10 +94,37 @@ func (d *display) takeTick(tick *v1.Tick) {
 	}
 }
 
+func (d *display) shiftWorld(sequence uint64, by Vector) {
+	d.shifts = append(d.shifts, worldShift{sequence, by})
+	d.shown.Position = d.shown.Position.plus(by)
+	d.motion.position = d.motion.position.plus(by)
+	d.places.shift(by)
+	d.sampler.Shift(by)
+	if d.centre != nil {
+		centre := d.centre.plus(by)
+		d.centre = &centre
+	}
+}
+
+// inThisWorld is the reply where the world has been shifted since its tick.
+func (d *display) inThisWorld(reply *v1.CameraReply) *v1.CameraReply {
+	d.shifts = slices.DeleteFunc(d.shifts, func(shift worldShift) bool { return shift.sequence <= reply.GetSequence() })
+	if len(d.shifts) == 0 {
+		return reply
+	}
+	position := read(reply.GetPose().GetPosition())
+	for _, shift := range d.shifts {
+		position = position.plus(shift.by)
+	}
+	moved := proto.Clone(reply).(*v1.CameraReply)
+	moved.Pose = &v1.Pose3{Position: Vec(position[0], position[1], position[2]), Rotation: reply.GetPose().GetRotation()}
+	return moved
+}
+
 func (d *display) takeReply(reply *v1.CameraReply) {
 	d.newest = reply
 	if d.follower == nil || reply.GetSequence() >= d.countsFrom {
-		d.sampler.Add(reply)
+		d.sampler.Add(d.inThisWorld(reply))
 	}
 }
 
@@ -114,7 +152,7 @@ func (d *display) relativeVelocity() Vector {
 	return velocity.times(most / speed)
 }
 
-// show is the camera at a game time. drawn: positions of targets at that time, where newer than those of the newest tick.
+// show is the camera at a game time. drawn: positions of targets at that time, if they are newer than the newest tick.
 func (d *display) show(timeS float64, drawn Drawn) (shown Sample, source Source) {
 	centre := d.places.centre(drawn)
 	daemon, ok := d.sampler.Sample(timeS, d.places.position(d.sampler.TargetID(), drawn))
@@ -175,7 +213,7 @@ func (d *display) remember(shown Sample, timeS float64, centre *Vector) {
 	}
 }
 
-// observed is what the player sees, for the daemon to go on from.
+// observed is the camera that the player sees, so that the daemon goes on from it.
 func (d *display) observed() *v1.ObservedCamera {
 	p, q, v := d.shown.Position, d.shown.Rotation, d.motion.velocity()
 	pose := &v1.Pose3{Position: Vec(p[0], p[1], p[2]), Rotation: &v1.Quat{X: q[0], Y: q[1], Z: q[2], W: q[3]}}

@@ -12,7 +12,7 @@ const (
 	recentSteps = 5
 )
 
-// Drawn holds positions by id that are newer than those of the newest tick.
+// Drawn holds positions by id that are newer than the newest tick.
 type Drawn map[uint64]Vector
 
 type weighted struct {
@@ -31,6 +31,12 @@ func newTargetPlaces(opening *v1.OpenSession) *targetPlaces {
 	p.add(opening.GetInstances())
 	p.choose(opening.GetTargets())
 	return p
+}
+
+func (p *targetPlaces) shift(by Vector) {
+	for id, position := range p.positions {
+		p.positions[id] = position.plus(by)
+	}
 }
 
 func (p *targetPlaces) apply(tick *v1.Tick) {
@@ -104,7 +110,7 @@ func (p *targetPlaces) centre(drawn Drawn) *Vector {
 	return &mean
 }
 
-// follower keeps the camera's place relative to the targets' centre. What it moved relative to them dies away. It turns no more.
+// follower keeps the camera's place relative to the targets' centre. Its motion relative to them dies away. It turns no more.
 type follower struct {
 	offset, velocity Vector
 	sinceS           float64

@@ -29,7 +29,7 @@ func carriedS(ageS float64) float64 {
 	return fullS + easing - easing*easing/(2*(stopS-fullS))
 }
 
-// newestReply is what the sampler needs of a reply.
+// newestReply is the part of a reply that the sampler needs.
 type newestReply struct {
 	timeS                     float64
 	pose                      Sample
@@ -46,6 +46,17 @@ func newNewestReply(reply *v1.CameraReply) *newestReply {
 		made.target = &target
 	}
 	return made
+}
+
+func (r *newestReply) shift(by Vector) {
+	if r == nil {
+		return
+	}
+	r.pose.Position = r.pose.Position.plus(by)
+	if r.target != nil {
+		target := r.target.plus(by)
+		r.target = &target
+	}
 }
 
 func (r *newestReply) at(timeS float64, target *Vector) Sample {
@@ -69,7 +80,7 @@ type PoseSampler struct {
 	sequence       uint64
 	cut            bool     // a reply since the former sample was a cut
 	timeS          *float64 // of the former sample
-	// What fades away: the former sample minus the newest reply, at timeS.
+	// The remainder that fades away: the former sample minus the newest reply, at timeS.
 	shift, turn Vector
 	zoom        float64
 }
@@ -93,6 +104,12 @@ func (s *PoseSampler) Add(reply *v1.CameraReply) bool {
 	s.sequence, s.newest = reply.GetSequence(), newNewestReply(reply)
 	s.cut = s.cut || reply.GetCut()
 	return true
+}
+
+// Shift says that the client's world has a new origin: the replies that were added lie elsewhere now (Tick.world_shift).
+func (s *PoseSampler) Shift(by Vector) {
+	s.newest.shift(by)
+	s.former.shift(by)
 }
 
 // Sample is the camera at a game time. target: where TargetID is at that time; nil: only velocities carry the camera on. False: there is no

@@ -16,12 +16,18 @@ static class LivePlayer {
         switch (Regex.Match(line, "\"(.*?)\"").Groups[1].Value) {
             case "sampler_new": sampler = new PoseSampler(); return "{\"sampler\": {}}";
             case "sampler_add": return "{\"taken\": " + Json(sampler.Add(CameraReply.Parser.ParseFrom(Player.Bytes(line, "sampler_add")))) + "}";
+            case "sampler_shift": return Shift(Numbers(line, "sampler_shift"));
             case "sampler_at": return SampleAt(line);
             case "live_open": return Open(line);
             case "live_tick": return Tick(Sightline.V1.Tick.Parser.ParseFrom(Player.Bytes(line, "live_tick")));
             case "live_close": return Close();
             default: return null;
         }
+    }
+
+    static string Shift(double[] by) {
+        sampler.Shift(new Double3(by[0], by[1], by[2]));
+        return "{\"sampler\": {}}";
     }
 
     static string SampleAt(string line) {

@@ -12,7 +12,7 @@ from sightline.v1.session_pb2 import CameraReply, SessionOpened
 
 
 class HeldDaemon:
-    """ticks: those that came, in order. A tick is answered at once, until hold(); let_go() answers those that came meanwhile."""
+    """ticks: those that came, in order. A tick is answered at once, until hold(); answer_one() and let_go() answer those that came meanwhile."""
 
     def __init__(self):
         self.ticks, self.openings = [], 0
@@ -21,6 +21,8 @@ class HeldDaemon:
         self.cut = False  # of the next reply
         self._open = threading.Event()
         self._open.set()
+        self._permits = threading.Semaphore(0)
+        self._moved = (0.0, 0.0, 0.0)  # by the shifts of the world so far
         self._server = grpc.server(futures.ThreadPoolExecutor(4))
         handler = grpc.stream_stream_rpc_method_handler(self._control, ControlRequest.FromString, ControlResponse.SerializeToString)
         self._server.add_generic_rpc_handlers((grpc.method_handlers_generic_handler("sightline.v1.CameraControlService", {"Control": handler}),))
@@ -36,7 +38,7 @@ class HeldDaemon:
                 yield ControlResponse(opened=SessionOpened(session_id="held", resume_token=b""))
                 continue
             self.ticks.append(request.tick)
-            while not self._open.wait(0.1):
+            while not self._open.is_set() and not self._permits.acquire(timeout=0.05):
                 if not context.is_active():
                     return
             yield self._answer(request.tick)
@@ -54,12 +56,18 @@ class HeldDaemon:
         if tick.sequence in self.refused:
             return ControlResponse(tick_error=TickError(sequence=tick.sequence, code=TickError.CODE_INVALID_ARGUMENT, message="as the test says"))
         cut, self.cut = self.cut, False
-        x, y, z = self.camera
+        by = tick.world_shift
+        self._moved = tuple(a + b for a, b in zip(self._moved, (by.x, by.y, by.z)))
+        x, y, z = (a + b for a, b in zip(self.camera, self._moved))
         return ControlResponse(camera=CameraReply(sequence=tick.sequence, time_s=tick.time_s, pose_time_s=tick.time_s, cut=cut, field_of_view=0.7,
                                                   pose=Pose3(position=Vec3(x=x, y=y, z=z), rotation=Quat(w=1))))
 
     def hold(self):
         self._open.clear()
+
+    def answer_one(self):
+        """Of those that are held back."""
+        self._permits.release()
 
     def let_go(self):
         self._open.set()

@@ -26,7 +26,7 @@ from sightline_client import Camera  # noqa: E402
 PLAYERS = commands_of(sys.argv[3:])
 WAIT_S = 0.1
 SPARE_S = 0.1  # a call may take so much longer than the wait
-FASTEST_MPS, FASTEST_RADPS = 12.0, 3.0  # the seen camera; the targets run at 5 m/s
+FASTEST_MPS, FASTEST_RADPS = 16.0, 3.0  # the seen camera; the targets run at 5 m/s, and the blend adds to that
 AT_ONCE = 3  # clients
 DAEMONS = ("reply", "predicted")  # the sources of a daemon's camera
 
@@ -69,6 +69,9 @@ class Trial(unittest.TestCase):
         return Game(self.player, address or self.daemon.address, wait_s)
 
     def check_calls(self, frames, wait_s=WAIT_S):
+        if frames[0].view["sequence"] == 1:  # it also compiles the client under Mono and Node
+            self.assertLess(frames[0].view["took_s"], wait_s + 5 * SPARE_S, "the first call")
+            frames = frames[1:]
         slowest = max(frames, key=lambda frame: frame.view["took_s"])
         self.assertLess(slowest.view["took_s"], wait_s + SPARE_S, f"a call at {slowest.time_s:.2f} s")
 
@@ -179,6 +182,17 @@ class Trial(unittest.TestCase):
                 reply = camera.step(json_format.ParseDict(tick, Tick()))
             return str(reply.mirror_hash)
 
+    def a_tick_that_is_too_large(self):
+        """It ends the call, and would end the next one too."""
+        self.daemon.start()
+        game = self.game()
+        game.play(0.5)
+        game.play(1 / 60, lambda frame: {"delta": {"removedIds": [str(10**6 + i) for i in range(700_000)]}})
+        game.play(2.0)
+        self.assertEqual([31], refusals(game.frames))
+        self.assertIn(game.frames[-1].view["source"], DAEMONS)
+        game.close()
+
     def a_close_while_the_daemon_is_stopped(self):
         self.daemon.start()
         game = self.game()
@@ -234,6 +248,9 @@ class LiveTest(unittest.TestCase):
 
     def test_what_waits_is_not_lost(self):
         self.each(Trial.what_waits_is_not_lost)
+
+    def test_a_tick_that_is_too_large_is_refused_and_no_other(self):
+        self.each(Trial.a_tick_that_is_too_large)
 
     def test_a_close_while_the_daemon_is_stopped_ends_in_time(self):
         self.each(Trial.a_close_while_the_daemon_is_stopped)

@@ -49,6 +49,10 @@ class Reference:
         self.cut = self.cut or reply["cut"]
         return True
 
+    def shift(self, by):
+        for reply in self.replies:
+            reply["position"] = [p + d for p, d in zip(reply["position"], by)]
+
     @staticmethod
     def carry(reply, time_s, target):
         age_s = time_s - reply["time"]
@@ -102,6 +106,10 @@ class Story:
         if offset:
             message["relativePose"] = {"targetId": str(target), "unrotatedPose": {"position": xyz(made["offset"])}}
         self.steps.append({"add": message, "taken": self.reference.add(made)})
+
+    def shift(self, by):
+        self.reference.shift(by)
+        self.steps.append({"shift": by})
 
     def draw(self, time_s, target=None):
         self.steps.append({"at": time_s, "target": target, "expect": self.reference.sample(time_s, target)})
@@ -174,6 +182,14 @@ def stories():
         for part in range(3):
             story.draw(frame / 60 - 0.02 + part / 180, [1, 1, frame / 60])
     yield "pictures of a time before the newest reply", story
+    story = Story(11)
+    story.reply(0.0)
+    story.draw(0.01, [1, 2, 3])
+    story.reply(1 / 60)
+    story.shift([1000.0, -50.0, 3.0])
+    for picture in range(12):  # the former reply is shown in part, then the target carries the newest one on
+        story.draw(0.03 + picture / 24, [1001 + picture / 10, -48, 6])
+    yield "the world has a new origin", story
     story = Story(10)
     story.speed, story.spin = 40.0, 5.0
     story.play(0.5, 0.05)
@@ -182,7 +198,7 @@ def stories():
 
 def main():
     made = [{"name": name, "steps": story.steps} for name, story in stories()]
-    text = ",\n".join(json.dumps(story, separators=(",", ":")).replace('{"add"', '\n{"add"').replace('{"at"', '\n{"at"') for story in made)
+    text = ",\n".join(json.dumps(story, separators=(",", ":")).replace('{"add"', '\n{"add"').replace('{"at"', '\n{"at"').replace('{"shift"', '\n{"shift"') for story in made)
     pathlib.Path(sys.argv[1]).write_text(f"[{text}]\n")
 
 

@@ -37,6 +37,9 @@ class Vectors(unittest.TestCase):
             if "add" in step:
                 self.assertEqual(step["taken"], player.run({"sampler_add": step["add"]})["taken"], step)
                 continue
+            if "shift" in step:
+                player.run({"sampler_shift": step["shift"]})
+                continue
             got = player.run({"sampler_at": {"time_s": step["at"], "target": step["target"] or []}})["sample"]
             if step["expect"] is None or got is None:
                 self.assertEqual(step["expect"], got, step)

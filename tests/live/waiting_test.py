@@ -25,12 +25,19 @@ def moved(places, rotations=None, velocities=None):
 class Session:
     """A session with an own daemon. Its ticks are numbered from 1."""
 
-    def __init__(self, player, daemon, wait_s=1.0):
+    def __init__(self, player, daemon, wait_s):
         self.player, self.daemon = player, daemon
         player.run({"live_open": opening(), "address": daemon.address, "wait_s": wait_s})
 
     def tick(self, **fields):
         return self.player.run({"live_tick": fields})["view"]
+
+    def until_replies(self):
+        """Ticks at 60 Hz until the first answers came and nothing is blended; the game time then."""
+        frame = 0
+        while self.tick(timeS=frame / 60)["source"] != "reply":
+            frame += 1
+        return frame / 60
 
     def sent(self, first):
         return [json_format.MessageToDict(tick) for tick in self.daemon.ticks if tick.sequence >= first]
@@ -38,10 +45,10 @@ class Session:
 
 class Waiting(unittest.TestCase):
     @contextlib.contextmanager
-    def session(self, name):
+    def session(self, name, wait_s=1.0):
         with self.subTest(client=name), HeldDaemon() as daemon:
             with Player(name, PLAYERS[name]) as player:
-                yield Session(player, daemon), daemon
+                yield Session(player, daemon, wait_s), daemon
                 player.run({"live_close": {}})
 
     def test_ticks_of_places_fold_and_others_are_kept(self):
@@ -134,6 +141,29 @@ class Waiting(unittest.TestCase):
                 daemon.cut = True
                 view = session.tick(timeS=0.3)
                 self.assertEqual(([50.0, 2.5, 9.0], True, "reply"), (view["position"], view["cut"], view["source"]))
+
+    def test_a_new_origin_of_the_world_moves_what_is_shown(self):
+        for name in PLAYERS:
+            with self.session(name, wait_s=0.1) as (session, daemon):
+                now = session.until_replies()  # game time
+                number = daemon.ticks[-1].sequence
+                daemon.hold()
+                session.tick(timeS=now + 0.02)  # in the old world
+                shown = [session.tick(timeS=now + 0.04, worldShift=xyz((1000.0, 0.0, -50.0)))]
+                daemon.answer_one()
+                daemon.wait_for(number + 2)
+                shown.append(session.tick(timeS=now + 0.06))
+                self.assertEqual((number + 1, "predicted"), (shown[-1]["reply"], shown[-1]["source"]))
+                time.sleep(0.4)
+                shown.append(session.tick(timeS=now + 0.08))
+                self.assertEqual("fallback", shown[-1]["source"])
+                daemon.let_go()
+                daemon.wait_for(number + 4)
+                self.assertAlmostEqual(1000.0, daemon.ticks[-1].observed_camera.pose.position.x)
+                shown += [session.tick(timeS=now + 0.1 + frame / 60) for frame in range(3)]
+                self.assertIn(shown[-1]["source"], ("blend", "reply"))
+                for view in shown:
+                    self.assert_near((1000.0, 2.5, -41.0), view["position"])
 
     def test_refusals_come_with_the_next_view_and_change_nothing_else(self):
         for name in PLAYERS:

@@ -23,6 +23,7 @@ type live struct {
 type liveCommand struct {
 	New       json.RawMessage `json:"sampler_new"`
 	Add       json.RawMessage `json:"sampler_add"`
+	Shift     []float64       `json:"sampler_shift"`
 	At        *samplerAt      `json:"sampler_at"`
 	Open      json.RawMessage `json:"live_open"`
 	Tick      json.RawMessage `json:"live_tick"`
@@ -54,6 +55,9 @@ func (l *live) run(line []byte) (answer object, known bool) {
 		return object{"sampler": object{}}, true
 	case c.Add != nil:
 		return object{"taken": l.sampler.Add(parse(c.Add, &v1.CameraReply{}))}, true
+	case c.Shift != nil:
+		l.sampler.Shift(sightline.Vector(c.Shift))
+		return object{"sampler": object{}}, true
 	case c.At != nil:
 		return l.sample(*c.At), true
 	case c.Open != nil:

@@ -1,14 +1,15 @@
-// What the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back. No clock and no network:
+// The camera that the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back. No clock and no network:
 // timeS is the game's, and the caller says whether the daemon is silent.
-import {create} from "@bufbuild/protobuf";
+import {clone, create} from "@bufbuild/protobuf";
 
 import {Follower, RecentMotion, TargetPlaces, type Drawn} from "./following.js";
-import {ObservedCameraSchema, type CameraReply, type ObservedCamera, type OpenSession, type Tick} from "./gen/sightline/v1/session_pb.js";
+import {Pose3Schema} from "./gen/sightline/v1/camera_pb.js";
+import {CameraReplySchema, ObservedCameraSchema, type CameraReply, type ObservedCamera, type OpenSession, type Tick} from "./gen/sightline/v1/session_pb.js";
 import {ORIGIN, inverse, length, minus, plus, product, read, readRotation, rotationOf, times, turnOf} from "./rotations.js";
 import {PoseSampler, type Sample} from "./sampler.js";
 import {vector, type Vector} from "./shapes.js";
 
-// Where a shown pose comes from.
+// The origin of a shown pose.
 // reply: the daemon's answer to this tick. predicted: an earlier answer, brought up to date. fallback: no daemon answers, and the camera keeps its
 // place relative to the targets. blend: the way from the fallback to the daemon's camera.
 export type Source = "reply" | "predicted" | "fallback" | "blend";
@@ -35,6 +36,7 @@ export class Display {
   private hasFollowed = false; // since the follower began, it was shown
   private countsFrom = 0n; // replies to ticks from this number on end the fallback
   private blend?: Blend;
+  private shifts: [sequence: bigint, by: Vector][] = []; // of the world, by ticks that no reply covers so far
   private readonly motion = new RecentMotion();
 
   constructor(opening: OpenSession, private readonly blendS: number) {
@@ -50,6 +52,7 @@ export class Display {
   }
 
   takeTick(tick: Tick): void {
+    if (tick.worldShift) this.shiftWorld(tick.sequence, read(tick.worldShift));
     const before = this.places.counted();
     this.places.apply(tick);
     const after = this.places.counted();
@@ -62,7 +65,7 @@ export class Display {
 
   takeReply(reply: CameraReply): void {
     this.newest = reply;
-    if (!this.follower || reply.sequence >= this.countsFrom) this.sampler.add(reply);
+    if (!this.follower || reply.sequence >= this.countsFrom) this.sampler.add(this.inThisWorld(reply));
   }
 
   // The daemon is silent. countsFrom: the first tick whose reply ends the fallback.
@@ -78,7 +81,7 @@ export class Display {
     this.blend = undefined;
   }
 
-  // The camera at a game time. drawn: positions of targets at that time, where newer than those of the newest tick.
+  // The camera at a game time. drawn: positions of targets at that time, if they are newer than the newest tick.
   show(timeS: number, drawn: Drawn = NOTHING_DRAWN): [Sample, Source] {
     const centre = this.places.centre(drawn);
     const followed = this.followed(timeS, centre);
@@ -90,10 +93,27 @@ export class Display {
     return shown;
   }
 
-  // What the player sees, for the daemon to go on from.
+  // The camera that the player sees, so that the daemon goes on from it.
   observed(): ObservedCamera {
     const {position, rotation: [x, y, z, w]} = this.shown;
     return create(ObservedCameraSchema, {pose: {position: vector(position), rotation: {x, y, z, w}}, velocity: vector(this.motion.velocity())});
+  }
+
+  private shiftWorld(sequence: bigint, by: Vector): void {
+    this.shifts.push([sequence, by]);
+    this.shown = {...this.shown, position: plus(this.shown.position, by)};
+    this.centre = this.centre && plus(this.centre, by);
+    for (const part of [this.places, this.sampler, this.motion]) part.shift(by);
+  }
+
+  // The reply where the world has been shifted since its tick.
+  private inThisWorld(reply: CameraReply): CameraReply {
+    this.shifts = this.shifts.filter(([sequence]) => sequence > reply.sequence);
+    if (!this.shifts.length) return reply;
+    const moved = clone(CameraReplySchema, reply);
+    const position = this.shifts.reduce((at, [, by]) => plus(at, by), read(reply.pose?.position));
+    moved.pose = create(Pose3Schema, {position: vector(position), rotation: reply.pose?.rotation});
+    return moved;
   }
 
   private offset(): Vector {

@@ -32,7 +32,7 @@ export class Refused extends Error {
   }
 }
 
-// So many ticks wait for a daemon that no more are taken. This one was not.
+// A tick that was not taken, because too many wait for a daemon.
 export class QueueFull extends Error {
   constructor(message: string) {
     super(message);

@@ -7,17 +7,21 @@ import type {Vector} from "./shapes.js";
 const CARRY_S = 0.1; // time constant with which the motion relative to the targets dies away
 const STEPS = 5;
 
-// Positions by id that are newer than those of the newest tick.
+// Positions by id that are newer than the newest tick.
 export type Drawn = ReadonlyMap<bigint, Vector>;
 
 // Follows the positions of the instances and the list of targets.
 export class TargetPlaces {
-  private readonly positions = new Map<bigint, Vector>();
+  private positions = new Map<bigint, Vector>();
   private weights: [id: bigint, weight: number][] = [];
 
   constructor(opening: OpenSession) {
     this.addAll(opening.instances);
     this.choose(opening.targets);
+  }
+
+  shift(by: Vector): void {
+    this.positions = new Map([...this.positions].map(([id, position]) => [id, plus(position, by)]));
   }
 
   apply(tick: Tick): void {
@@ -59,7 +63,7 @@ export class TargetPlaces {
   }
 }
 
-// Keeps the camera's place relative to the targets' centre. What it moved relative to them dies away. It turns no more.
+// Keeps the camera's place relative to the targets' centre. Its motion relative to them dies away. It turns no more.
 export class Follower {
   constructor(private readonly offset: Vector, private readonly velocity: Vector, private readonly sinceS: number) {}
 
@@ -80,6 +84,10 @@ export class RecentMotion {
       this.velocities = [...this.velocities.slice(1 - STEPS), times(1 / (timeS - this.last[0]), minus(position, this.last[1]))];
     }
     this.last = [timeS, position];
+  }
+
+  shift(by: Vector): void {
+    if (this.last) this.last = [this.last[0], plus(this.last[1], by)];
   }
 
   // The mean of the last steps without the fastest.

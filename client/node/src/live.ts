@@ -1,10 +1,10 @@
-// A camera for a game loop: no call waits for long, whatever happens to the daemon.
+// A camera for a game loop: no call waits for long, with or without a daemon.
 import {clone, create, type MessageInitShape} from "@bufbuild/protobuf";
 
 import {Camera, isLost, pauses, type Options} from "./camera.js";
 import {Display, type Source} from "./display.js";
 import {Failed, Refused} from "./errors.js";
-import type {TickError} from "./gen/sightline/v1/errors_pb.js";
+import {TickError_Code, TickErrorSchema, type TickError} from "./gen/sightline/v1/errors_pb.js";
 import {OpenSessionSchema, TickSchema, type CameraReply, type OpenSession, type SessionOpened, type Tick} from "./gen/sightline/v1/session_pb.js";
 import type {Drawn} from "./following.js";
 import type {Quaternion, Vector} from "./shapes.js";
@@ -81,7 +81,7 @@ export class LiveCamera {
     return this.camera?.resumes ?? 0;
   }
 
-  // Tells the daemon what has changed, and returns the camera to draw, at once. The camera numbers ticks. Replies come in between calls, while
+  // Tells the daemon what has changed, and returns the camera to draw at once. The camera numbers ticks. Replies come in between calls, while
   // the program awaits something. Throws QueueFull, and Failed for an opening that no daemon accepts.
   update(message: MessageInitShape<typeof TickSchema>): LiveView {
     const tick = this.take(message);
@@ -181,6 +181,7 @@ export class LiveCamera {
 
   // Opens the session if need be, and gets the answer to the tick. False: the camera was closed.
   private async tryForEver(tick?: Tick): Promise<boolean> {
+    const {resumes} = this;
     for (const pauseS of pauses()) {
       if (pauseS > 0 && !this.stopping) await this.pause(Math.min(pauseS, LONGEST_PAUSE_S));
       if (pauseS > 0 && this.stopping) return false;
@@ -194,6 +195,10 @@ export class LiveCamera {
           return true;
         }
         if (!(error instanceof Failed) || (!this.camera && !isLost(error, true))) throw error;
+        if (tick && this.resumes > resumes && !isLost(error, false)) { // the tick itself ends the call
+          this.answer(tick, undefined, create(TickErrorSchema, {sequence: tick.sequence, code: TickError_Code.INVALID_ARGUMENT, message: error.message}));
+          return true;
+        }
         this.trouble = error;
       }
     }

@@ -22,14 +22,14 @@ function carriedS(ageS: number): number {
   return FULL_S + easingS - (easingS * easingS) / (2 * (STOP_S - FULL_S));
 }
 
-// What the sampler needs of a reply.
+// The part of a reply that the sampler needs.
 class Newest {
   readonly targetId: bigint;
   private readonly timeS: number;
-  private readonly pose: Sample;
+  private pose: Sample;
   private readonly velocity: Vector;
   private readonly angularVelocity: Vector;
-  private readonly target?: Vector; // where the target was
+  private target?: Vector; // where the target was
 
   constructor(reply: CameraReply) {
     this.timeS = reply.poseTimeS;
@@ -38,6 +38,11 @@ class Newest {
     this.angularVelocity = read(reply.angularVelocity);
     this.targetId = reply.relativePose?.targetId ?? 0n;
     if (this.targetId && reply.relativePose?.unrotatedPose) this.target = minus(this.pose.position, read(reply.relativePose.unrotatedPose.position));
+  }
+
+  shift(by: Vector): void {
+    this.pose = {...this.pose, position: plus(this.pose.position, by)};
+    this.target = this.target && plus(this.target, by);
   }
 
   at(timeS: number, targetPosition?: Vector): Sample {
@@ -59,8 +64,8 @@ export class PoseSampler {
   private former?: Newest; // the one of the former sample, while a newer one waits to be shown
   private cut = false; // a reply since the former sample was a cut
   private timeS = -Infinity; // of the former sample
-  // What fades away: the former sample minus the newest reply, at timeS.
-  private shift = ORIGIN;
+  // The remainder that fades away: the former sample minus the newest reply, at timeS.
+  private gap = ORIGIN;
   private turn = ORIGIN;
   private zoom = 0;
 
@@ -79,6 +84,12 @@ export class PoseSampler {
     return true;
   }
 
+  // The client's world has a new origin: the replies that were added lie elsewhere now (Tick.worldShift).
+  shift(by: Vector): void {
+    this.newest?.shift(by);
+    this.former?.shift(by);
+  }
+
   // The camera at a game time. targetPosition: where targetId is at that time; without it, only velocities carry the camera on. Undefined:
   // there is no reply so far.
   sample(timeS: number, targetPosition?: Vector): Sample | undefined {
@@ -89,22 +100,22 @@ export class PoseSampler {
     this.cut = false;
     this.former = undefined;
     if (cut) {
-      this.shift = this.turn = ORIGIN;
+      this.gap = this.turn = ORIGIN;
       this.zoom = 0;
     } else if (former) {
       const before = former.at(timeS, former.targetId === newest.targetId ? targetPosition : undefined);
-      this.shift = plus(this.shift, minus(before.position, plain.position));
+      this.gap = plus(this.gap, minus(before.position, plain.position));
       this.turn = turnOf(product(product(rotationOf(this.turn), before.rotation), inverse(plain.rotation)));
       this.zoom += before.fieldOfView - plain.fieldOfView;
     }
-    return {position: plus(plain.position, this.shift), rotation: product(rotationOf(this.turn), plain.rotation), fieldOfView: plain.fieldOfView + this.zoom, cut};
+    return {position: plus(plain.position, this.gap), rotation: product(rotationOf(this.turn), plain.rotation), fieldOfView: plain.fieldOfView + this.zoom, cut};
   }
 
   private fade(timeS: number): void {
     const passedS = timeS - this.timeS;
     if (!(passedS > 0)) return;
     const left = Math.exp(-passedS / FADE_S);
-    this.shift = times(left, this.shift);
+    this.gap = times(left, this.gap);
     this.turn = times(left, this.turn);
     this.zoom *= left;
     this.timeS = timeS;

@@ -1,10 +1,10 @@
-"""What the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back."""
+"""The camera that the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back."""
 from __future__ import annotations
 
 import enum
 import math
-from dataclasses import dataclass
-from typing import Mapping, Optional, Tuple
+from dataclasses import dataclass, replace
+from typing import List, Mapping, Optional, Tuple
 
 from sightline.v1.camera_pb2 import Pose3, Quat, Vec3
 from sightline.v1.session_pb2 import CameraReply, ObservedCamera, OpenSession, Tick
@@ -14,7 +14,7 @@ from sightline_client.sampler import PoseSampler, Sample, vector
 from sightline_client.shapes import Vector
 
 class Source(enum.Enum):
-    """Where a shown pose comes from."""
+    """The origin of a shown pose."""
     REPLY = "reply"  # the daemon's answer to this tick
     PREDICTED = "predicted"  # an earlier answer, brought up to date
     FALLBACK = "fallback"  # no daemon answers: the camera keeps its place relative to the targets
@@ -54,6 +54,7 @@ class Display:
         self._has_followed = False  # since the follower began, it was shown
         self._counts_from = 0  # replies to ticks from this number on end the fallback
         self._blend: Optional[_Blend] = None
+        self._shifts: List[Tuple[int, Vector]] = []  # of the world, by ticks that no reply covers so far
         self._motion = RecentMotion()
 
     @property
@@ -61,6 +62,8 @@ class Display:
         return self._follower is not None
 
     def take_tick(self, tick: Tick) -> None:
+        if tick.HasField("world_shift"):
+            self._shift_world(tick.sequence, vector(tick.world_shift))
         before = self.places.counted()
         self.places.apply(tick)
         if self.places.counted() != before:  # the centre may jump, and the camera must not
@@ -68,10 +71,27 @@ class Display:
             if self._follower is not None and self._centre is not None:
                 self._follower = Follower(minus(self._shown.position, self._centre), ORIGIN, tick.time_s)
 
+    def _shift_world(self, sequence: int, by: Vector) -> None:
+        self._shifts.append((sequence, by))
+        self._shown = replace(self._shown, position=plus(self._shown.position, by))
+        self._centre = plus(self._centre, by) if self._centre is not None else None
+        for part in (self.places, self._sampler, self._motion):
+            part.shift(by)
+
+    def _in_this_world(self, reply: CameraReply) -> CameraReply:
+        """The reply where the world has been shifted since its tick."""
+        self._shifts = [(sequence, by) for sequence, by in self._shifts if sequence > reply.sequence]
+        moved = CameraReply()
+        moved.CopyFrom(reply)
+        for _, (x, y, z) in self._shifts:
+            position = moved.pose.position
+            position.x, position.y, position.z = position.x + x, position.y + y, position.z + z
+        return moved
+
     def take_reply(self, reply: CameraReply) -> None:
         self.newest = reply
         if self._follower is None or reply.sequence >= self._counts_from:
-            self._sampler.add(reply)
+            self._sampler.add(self._in_this_world(reply))
 
     def follow(self, counts_from: int) -> None:
         """The daemon is silent. counts_from: the first tick whose reply ends the fallback."""
@@ -92,7 +112,7 @@ class Display:
         return velocity if speed <= most else times(most / speed, velocity)
 
     def show(self, time_s: float, drawn: Mapping[int, Vector]) -> Tuple[Sample, Source]:
-        """The camera at a game time. drawn: positions of targets at that time, where newer than those of the newest tick."""
+        """The camera at a game time. drawn: positions of targets at that time, if they are newer than the newest tick."""
         centre = self.places.centre(drawn)
         followed = self._followed(time_s, centre)
         daemon = self._sampler.sample(time_s, self.places.position(self._sampler.target_id, drawn))
@@ -138,6 +158,6 @@ class Display:
             self._offsets = (*self._offsets[-1:], (time_s, minus(sample.position, centre)))
 
     def observed(self) -> ObservedCamera:
-        """What the player sees, for the daemon to go on from."""
+        """The camera that the player sees, so that the daemon goes on from it."""
         (x, y, z), (a, b, c, d), (u, v, w) = self._shown.position, self._shown.rotation, self._motion.velocity()
         return ObservedCamera(pose=Pose3(position=Vec3(x=x, y=y, z=z), rotation=Quat(x=a, y=b, z=c, w=d)), velocity=Vec3(x=u, y=v, z=w))

@@ -33,7 +33,7 @@ class Refused(Exception):
 
 
 class QueueFull(Exception):
-    """So many ticks wait for a daemon that no more are taken. This one was not; see WaitingTicks."""
+    """A tick that was not taken, because too many wait for a daemon."""
 
 
 def unavailable(message: str) -> Failed:

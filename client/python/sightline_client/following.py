@@ -22,6 +22,9 @@ class TargetPlaces:
         self._add(opening.instances)
         self._choose(opening.targets)
 
+    def shift(self, by: Vector) -> None:
+        self._positions = {id_: plus(position, by) for id_, position in self._positions.items()}
+
     def apply(self, tick: Tick) -> None:
         for id_ in tick.delta.removed_ids:
             self._positions.pop(id_, None)
@@ -59,7 +62,7 @@ class TargetPlaces:
 
 
 class Follower:
-    """Keeps the camera's place relative to the targets' centre. What it moved relative to them dies away. It turns no more."""
+    """Keeps the camera's place relative to the targets' centre. Its motion relative to them dies away. It turns no more."""
 
     def __init__(self, offset: Vector, relative_velocity: Vector, time_s: float) -> None:
         self._offset, self._velocity, self._since_s = offset, relative_velocity, time_s
@@ -84,6 +87,10 @@ class RecentMotion:
             step = times(1 / (time_s - self._last[0]), minus(position, self._last[1]))
             self._velocities = [*self._velocities[1 - self.STEPS:], step]
         self._last = (time_s, position)
+
+    def shift(self, by: Vector) -> None:
+        if self._last is not None:
+            self._last = (self._last[0], plus(self._last[1], by))
 
     def velocity(self) -> Vector:
         """The mean of the last steps without the fastest."""

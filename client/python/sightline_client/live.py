@@ -1,4 +1,4 @@
-"""A camera for a game loop: no call waits for long, whatever happens to the daemon."""
+"""A camera for a game loop: no call waits for long, with or without a daemon."""
 from __future__ import annotations
 
 import math
@@ -203,6 +203,7 @@ class LiveCamera:
 
     def _try_for_ever(self, message: Optional[Tick]) -> bool:
         """Opens the session if need be, and gets the answer to the tick. False: the camera was closed, or no daemon takes the opening."""
+        resumes = self.resumes
         for pause_s in pauses():
             if self._stopping.wait(min(pause_s, LONGEST_PAUSE_S)) and pause_s > 0:
                 return False
@@ -219,6 +220,9 @@ class LiveCamera:
             except Failed as failed:
                 if self._camera is None and not is_lost(failed, opening=True):
                     raise self._give_up(failed)
+                if message is not None and self.resumes > resumes and not is_lost(failed, opening=False):  # the tick itself ends the call
+                    self._answer(message, None, TickError(sequence=message.sequence, code=TickError.CODE_INVALID_ARGUMENT, message=str(failed)))
+                    return True
                 with self._changed:
                     self._trouble = failed
         return False

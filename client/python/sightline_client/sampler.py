@@ -37,7 +37,7 @@ def vector(v: Vec3) -> Vector:
 
 
 class _Newest:
-    """What the sampler needs of a reply."""
+    """The part of a reply that the sampler needs."""
 
     def __init__(self, reply: CameraReply) -> None:
         self.time_s: float = reply.pose_time_s
@@ -60,6 +60,11 @@ class _Newest:
         return Sample(position, product(rotation_of(times(carried, self.angular_velocity)), self.rotation), self.field_of_view)
 
 
+    def shift(self, by: Vector) -> None:
+        self.position = plus(self.position, by)
+        self.target = plus(self.target, by) if self.target is not None else None
+
+
 class PoseSampler:
     """Gives the camera at any time from the newest reply, for a renderer that is faster than the replies, or ahead of them. It only computes.
 
@@ -75,7 +80,7 @@ class PoseSampler:
         self._former: Optional[_Newest] = None  # the one of the former sample, while a newer one waits to be shown
         self._cut = False  # a reply since the former sample was a cut
         self._time_s = -math.inf  # of the former sample
-        # What fades away: the former sample minus the newest reply, at _time_s.
+        # The remainder that fades away: the former sample minus the newest reply, at _time_s.
         self._shift, self._turn, self._zoom = ORIGIN, ORIGIN, 0.0
 
     @property
@@ -92,6 +97,12 @@ class PoseSampler:
         self._sequence, self._newest = reply.sequence, _Newest(reply)
         self._cut = self._cut or reply.cut
         return True
+
+    def shift(self, by: Vector) -> None:
+        """The client's world has a new origin: the replies that were added lie elsewhere now (Tick.world_shift)."""
+        for reply in (self._newest, self._former):
+            if reply is not None:
+                reply.shift(by)
 
     def sample(self, time_s: float, target_position: Optional[Vector] = None) -> Optional[Sample]:
         """The camera at a game time. target_position: where target_id is at that time; without it, only velocities carry the camera on.

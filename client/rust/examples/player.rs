@@ -68,6 +68,11 @@ impl Live {
         if let Some(reply) = command.get("sampler_add") {
             return Some(json!({"taken": self.sampler.add(&decode::<CameraReply>(reply))}));
         }
+        if let Some(by) = command.get("sampler_shift") {
+            let by: Vec<f64> = by.as_array().expect("a vector").iter().map(number).collect();
+            self.sampler.shift([by[0], by[1], by[2]]);
+            return Some(json!({"sampler": {}}));
+        }
         if let Some(at) = command.get("sampler_at") {
             let target: Vec<f64> = at["target"].as_array().expect("a target").iter().map(number).collect();
             let shown = self.sampler.sample(number(&at["time_s"]), target.try_into().ok());

@@ -1,4 +1,4 @@
-//! What the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back. No clock and no network: times
+//! The camera that the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back. No clock and no network: times
 //! are the game's, and the caller says whether the daemon is silent.
 use crate::following::{Drawn, Follower, RecentMotion, TargetPlaces};
 use crate::rotations::{inverse, length, minus, plus, product, read, read_rotation, rotation_of, times, turn_of, Vector, ORIGIN};
@@ -6,7 +6,7 @@ use crate::sampler::{PoseSampler, Sample};
 use crate::shapes::vector;
 use crate::v1::{CameraReply, ObservedCamera, OpenSession, Pose3, Quat, Tick};
 
-/// Where a shown pose comes from.
+/// The origin of a shown pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Source {
     /// The daemon's answer to this tick.
@@ -40,6 +40,7 @@ pub(crate) struct Display {
     has_followed: bool, // since the follower began, it was shown
     counts_from: u64, // replies to ticks from this number on end the fallback
     blend: Option<Blend>,
+    shifts: Vec<(u64, Vector)>, // of the world, by ticks that no reply covers so far
     motion: RecentMotion,
 }
 
@@ -65,6 +66,7 @@ impl Display {
             has_followed: false,
             counts_from: 0,
             blend: None,
+            shifts: Vec::new(),
             motion: RecentMotion::default(),
         };
         // There is no reply so far, so the camera follows from the start.
@@ -81,6 +83,9 @@ impl Display {
     }
 
     pub fn take_tick(&mut self, tick: &Tick) {
+        if tick.world_shift.is_some() {
+            self.shift_world(tick.sequence, read(tick.world_shift.as_ref()));
+        }
         let before = self.places.counted();
         self.places.apply(tick);
         if self.places.counted() == before {
@@ -96,9 +101,29 @@ impl Display {
 
     pub fn take_reply(&mut self, reply: CameraReply) {
         if self.follower.is_none() || reply.sequence >= self.counts_from {
-            self.sampler.add(&reply);
+            let moved = self.in_this_world(reply.clone());
+            self.sampler.add(&moved);
         }
         self.newest = Some(reply);
+    }
+
+    fn shift_world(&mut self, sequence: u64, by: Vector) {
+        self.shifts.push((sequence, by));
+        self.shown.position = plus(self.shown.position, by);
+        self.centre = self.centre.map(|centre| plus(centre, by));
+        self.places.shift(by);
+        self.sampler.shift(by);
+        self.motion.shift(by);
+    }
+
+    /// The reply where the world has been shifted since its tick.
+    fn in_this_world(&mut self, mut reply: CameraReply) -> CameraReply {
+        self.shifts.retain(|(sequence, _)| *sequence > reply.sequence);
+        if let Some(pose) = &mut reply.pose {
+            let position = self.shifts.iter().fold(read(pose.position.as_ref()), |at, (_, by)| plus(at, *by));
+            pose.position = Some(vector(position));
+        }
+        reply
     }
 
     /// The daemon is silent. `counts_from`: the first tick whose reply ends the fallback.
@@ -128,7 +153,7 @@ impl Display {
         }
     }
 
-    /// The camera at a game time. `drawn`: positions of targets at that time, where newer than those of the newest tick.
+    /// The camera at a game time. `drawn`: positions of targets at that time, if they are newer than the newest tick.
     pub fn show(&mut self, time_s: f64, drawn: &Drawn) -> (Sample, Source) {
         let centre = self.places.centre(drawn);
         let followed = self.followed(time_s, centre);
@@ -149,7 +174,7 @@ impl Display {
         shown
     }
 
-    /// What the player sees, for the daemon to go on from.
+    /// The camera that the player sees, so that the daemon goes on from it.
     pub fn observed(&self) -> ObservedCamera {
         let [x, y, z, w] = self.shown.rotation;
         let pose = Pose3 { position: Some(vector(self.shown.position)), rotation: Some(Quat { x, y, z, w }) };

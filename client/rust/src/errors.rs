@@ -13,7 +13,7 @@ pub enum Error {
     /// The session could not be opened, or it was lost and no daemon took it over in time. The next tick of a camera that lost its session
     /// tries again.
     Failed(Failed),
-    /// So many ticks of a LiveCamera wait for a daemon that no more are taken. This one was not.
+    /// The tick of a LiveCamera was not taken, because too many wait for a daemon.
     QueueFull,
 }
 

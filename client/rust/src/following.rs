@@ -7,7 +7,7 @@ use crate::v1::{NewInstance, OpenSession, Target, Tick};
 const CARRY_S: f64 = 0.1; // time constant with which the motion relative to the targets dies away
 const STEPS: usize = 5;
 
-/// Positions by id that are newer than those of the newest tick.
+/// Positions by id that are newer than the newest tick.
 pub type Drawn = HashMap<u64, Vector>;
 
 /// Follows the positions of the instances and the list of targets.
@@ -22,6 +22,12 @@ impl TargetPlaces {
         places.add(&opening.instances);
         places.choose(&opening.targets);
         places
+    }
+
+    pub fn shift(&mut self, by: Vector) {
+        for position in self.positions.values_mut() {
+            *position = plus(*position, by);
+        }
     }
 
     pub fn apply(&mut self, tick: &Tick) {
@@ -73,7 +79,7 @@ impl TargetPlaces {
     }
 }
 
-/// Keeps the camera's place relative to the targets' centre. What it moved relative to them dies away. It turns no more.
+/// Keeps the camera's place relative to the targets' centre. Its motion relative to them dies away. It turns no more.
 pub(crate) struct Follower {
     pub offset: Vector,
     pub velocity: Vector,
@@ -106,6 +112,10 @@ impl RecentMotion {
             }
         }
         self.last = Some((time_s, position));
+    }
+
+    pub fn shift(&mut self, by: Vector) {
+        self.last = self.last.map(|(time_s, position)| (time_s, plus(position, by)));
     }
 
     /// The mean of the last steps without the fastest.

@@ -1,4 +1,4 @@
-//! A camera for a game loop: no call waits for long, whatever happens to the daemon.
+//! A camera for a game loop: no call waits for long, with or without a daemon.
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -10,7 +10,7 @@ use crate::display::{Display, Source};
 use crate::errors::{Error, Failed};
 use crate::following::Drawn;
 use crate::sampler::Sample;
-use crate::v1::{CameraReply, OpenSession, SessionOpened, Tick, TickError};
+use crate::v1::{tick_error, CameraReply, OpenSession, SessionOpened, Tick, TickError};
 use crate::waiting::{WaitingTicks, MOST_WAITING};
 
 // Between attempts, so that a daemon that is back is found soon.
@@ -146,7 +146,7 @@ impl LiveCamera {
         self.shared.lock().resumes
     }
 
-    /// Tells the daemon what has changed, and returns the camera to draw, at once. The camera numbers ticks. The error is `QueueFull`, or `Failed` for an
+    /// Tells the daemon what has changed, and returns the camera to draw at once. The camera numbers ticks. The error is `QueueFull`, or `Failed` for an
     /// opening that no daemon accepts.
     pub fn update(&mut self, tick: Tick) -> Result<LiveView, Error> {
         let time_s = tick.time_s;
@@ -294,6 +294,7 @@ impl Worker {
     /// Opens the session if need be, and gets the answer to the tick. False: the camera was closed, or no daemon takes the opening.
     async fn try_for_ever(&mut self, tick: Option<Tick>) -> bool {
         let mut pause = Duration::ZERO;
+        let resumes = self.camera.as_ref().map_or(0, Camera::resumes);
         loop {
             if pause > Duration::ZERO && !self.pause(pause.min(LONGEST_PAUSE)).await {
                 return false;
@@ -305,6 +306,12 @@ impl Worker {
                 Err(Error::Failed(failed)) => failed,
                 Err(Error::QueueFull) => unreachable!("a camera has no queue"),
             };
+            let resumed = self.camera.as_ref().map_or(0, Camera::resumes) > resumes;
+            if let Some(sequence) = tick.as_ref().map(|tick| tick.sequence).filter(|_| resumed && !failed.is_lost(false)) {
+                // The tick itself ends the call.
+                let code = tick_error::Code::InvalidArgument as i32;
+                return self.answer(tick, None, Some(TickError { sequence, code, message: failed.message, ..Default::default() }));
+            }
             let mut state = self.shared.lock();
             if self.camera.is_none() && !failed.is_lost(true) {
                 state.fatal = Some(failed);

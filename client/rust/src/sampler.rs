@@ -25,7 +25,7 @@ fn carried_s(age_s: f64) -> f64 {
     FULL_S + easing_s - easing_s * easing_s / (2.0 * (STOP_S - FULL_S))
 }
 
-/// What the sampler needs of a reply.
+/// The part of a reply that the sampler needs.
 #[derive(Debug, Clone, Copy)]
 struct Newest {
     time_s: f64,
@@ -52,6 +52,11 @@ impl Newest {
         }
     }
 
+    fn shift(&mut self, by: Vector) {
+        self.pose.position = plus(self.pose.position, by);
+        self.target = self.target.map(|target| plus(target, by));
+    }
+
     fn at(&self, time_s: f64, target_position: Option<Vector>) -> Sample {
         let age_s = time_s - self.time_s;
         let carried = carried_s(age_s);
@@ -72,7 +77,7 @@ pub struct PoseSampler {
     former: Option<Newest>, // the one of the former sample, while a newer one waits to be shown
     cut: bool,              // a reply since the former sample was a cut
     time_s: f64,            // of the former sample
-    // What fades away: the former sample minus the newest reply, at time_s.
+    // The remainder that fades away: the former sample minus the newest reply, at time_s.
     shift: Vector,
     turn: Vector,
     zoom: f64,
@@ -102,6 +107,13 @@ impl PoseSampler {
         self.newest = Some(Newest::new(reply));
         self.cut |= reply.cut;
         true
+    }
+
+    /// The client's world has a new origin: the replies that were added lie elsewhere now (`Tick::world_shift`).
+    pub fn shift(&mut self, by: Vector) {
+        for reply in [&mut self.newest, &mut self.former].into_iter().flatten() {
+            reply.shift(by);
+        }
     }
 
     /// The camera at a game time. `target_position`: where `target_id` is at that time; without it, only velocities carry the camera on. None: there

@@ -5,7 +5,7 @@ use crate::v1::{ObservedCamera, Tick, Transforms};
 
 pub(crate) const MOST_WAITING: usize = 4096;
 
-/// So many ticks wait that no more are taken.
+/// The tick was not taken, because too many wait.
 pub(crate) struct Full;
 
 #[derive(Default)]

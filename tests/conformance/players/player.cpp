@@ -152,6 +152,7 @@ Json close_live(Live& live) {
 Json run_live(Live& live, const Json& command) {
   if (command.contains("sampler_new")) return live.sampler = {}, Json{{"sampler", Json::object()}};
   if (command.contains("sampler_add")) return {{"taken", live.sampler.add(from_json<v1::CameraReply>(command.at("sampler_add")))}};
+  if (command.contains("sampler_shift")) return live.sampler.shift(command.at("sampler_shift").get<std::array<double, 3>>()), Json{{"sampler", Json::object()}};
   if (command.contains("sampler_at")) return sample(live, command.at("sampler_at"));
   if (command.contains("live_open")) return open_live(live, command);
   if (command.contains("live_tick")) return tick_live(live, command);

@@ -33,6 +33,7 @@ async function run({open, tick, address, uploads, trust = {}}) {
 const others = {
   sampler_new: () => ({sampler: (sampler = new sightline.PoseSampler()) && {}}),
   sampler_add: (reply) => ({taken: sampler.add(fromJson(sightline.CameraReplySchema, reply))}),
+  sampler_shift: (by) => ({sampler: sampler.shift(by) ?? {}}),
   sampler_at({time_s, target}) {
     const shown = sampler.sample(time_s, target.length ? target : undefined);
     return {sample: shown ? [...shown.position, ...shown.rotation, shown.fieldOfView, Number(shown.cut)] : null};

@@ -34,6 +34,10 @@ class Sampler:
     def sampler_add(self, command):
         return {"taken": self.sampler.add(json_format.ParseDict(command["sampler_add"], CameraReply()))}
 
+    def sampler_shift(self, command):
+        self.sampler.shift(tuple(command["sampler_shift"]))
+        return {"sampler": {}}
+
     def sampler_at(self, command):
         at = command["sampler_at"]
         shown = self.sampler.sample(at["time_s"], tuple(at["target"]) or None)
