@@ -48,7 +48,7 @@ def _length_at_most(limit, vector):
 RULES = {
     "above": lambda least, answer: isinstance(answer, str) and int(answer) > int(least),
     "atLeast": lambda least, answer: isinstance(answer, str) and int(answer) >= int(least),
-    "between": lambda ends, answer: isinstance(answer, (int, float)) and ends[0] <= answer <= ends[1],
+    "between": lambda ends, answer: isinstance(answer or 0, (int, float)) and ends[0] <= (answer or 0) <= ends[1],
     "contains": lambda part, answer: isinstance(answer, str) and part in answer,
     "lengthAtMost": _length_at_most,
 }

@@ -8,7 +8,7 @@ BEGIN, END = "<!-- conformance: written by tests/conformance/conformance_test.py
 EVERY_RUN = "every test run"
 COLUMNS = {"convention_gltf": "glTF", "convention_godot": "Godot", "convention_unity": "Unity", "convention_unreal": "Unreal", "convention_ros": "ROS",
            "convention_custom": "custom", "numbers": "64-bit numbers", "errors": "errors", "settings": "settings", "body": "bodies of parts", "resync": "lost daemons",
-           "resume": "broken streams"}
+           "resume": "broken streams", "shift": "moved origins"}
 
 
 def rows_of(text):
