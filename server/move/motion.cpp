@@ -202,6 +202,9 @@ TurnState turn_towards(const TurnState& state, const ViewAngles& aim, const Came
   const double left_radps = std::max(0.0, limits.max_angular_speed_radps - glm::length(rates));
   next.roll_rate_radps = roll_rate_after(state, aim.roll_rad, left_radps, limits.max_angular_acceleration_radps2, response_s, dt_s);
   next.angles.roll_rad = wrap_angle(state.angles.roll_rad + next.roll_rate_radps * dt_s);
+  constexpr double kLevelRad = 1e-9;
+  const bool arrives = std::abs(wrap_angle(aim.roll_rad - state.angles.roll_rad)) < kLevelRad && std::abs(state.roll_rate_radps) * dt_s < kLevelRad;
+  if (arrives) next.angles.roll_rad = aim.roll_rad, next.roll_rate_radps = 0.0;
   return next;
 }
 

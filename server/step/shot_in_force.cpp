@@ -365,12 +365,21 @@ void name_hider(const StepContext& step, const WantedShot& shot, ShotReport& rep
 
 }  // namespace
 
+namespace {
+
+glm::dvec2 group_place(const AskedShot& asked, const WantedShot& shot) {
+  const auto of_all = std::ranges::find(asked.places, uint64_t{0}, &PicturePlace::id);
+  return of_all != asked.places.end() ? of_all->half_pictures : shot.place.value_or(glm::dvec2(0.0));
+}
+
+}  // namespace
+
 ShotReport report_shot(const StepContext& step, const WantedShot& shot, const CameraState& camera, const Lens& lens, std::span<const TargetSight> sights) {
   const glm::dvec3 asked_m = shot.asked_offset_m - shot.subjects_m, now_m = camera.pose.position_m - (step.center_m() + shot.subjects_m);
   ShotReport report;
   report.asked = shot.frame.number != 0 ? shot.frame.now : upright_place(asked_m, shot.frame.yaw_rad, shot.up_yaw_rad);
   report.now = place_in_frame(now_m, shot.frame.yaw_rad);
-  report.first_place = shot.place.value_or(glm::dvec2(0.0));
+  report.first_place = group_place(asked_of(step.input), shot);
   ShotProperties now = shot_from(now_m, lens.vertical_fov_rad);
   now.place_half_pictures = off_place_half_pictures(camera.pose, step.targets.tracked_targets, lens);
   report.off_place = std::max(std::abs(now.place_half_pictures.x), std::abs(now.place_half_pictures.y));

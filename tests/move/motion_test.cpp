@@ -210,11 +210,25 @@ TEST(Motion, AHalfTurnTakesTheShortWayAndSettles) {
   EXPECT_LT(travelled, 0.3);
 }
 
-TEST(Motion, RollGivenAtTheStartIsLetGoWithinTheLimit) {
+TEST(Motion, RollGivenAtTheStartIsLetGoWithinTheLimits) {
   TurnState state;
   state.angles.roll_rad = 0.5;
   const TurnState next = turn_towards(state, {}, {}, 0.2, 0.1);
-  EXPECT_NEAR(next.angles.roll_rad, 0.2, 1e-9);
+  EXPECT_NEAR(next.roll_rate_radps, -12 * 0.1, 1e-9) << "the acceleration";
+  EXPECT_NEAR(next.angles.roll_rad, 0.5 - 12 * 0.1 * 0.1, 1e-9);
+}
+
+TEST(Motion, ARollIsReachedGentlyWithoutGoingBeyond) {
+  for (const double aim_rad : {0.6, -0.3}) {
+    TurnState state;
+    for (int i = 0; i < 240; ++i) {
+      const TurnState next = turn_towards(state, {0, 0, aim_rad}, {}, 0.4, 1.0 / 60);
+      EXPECT_LE(std::abs(next.roll_rate_radps - state.roll_rate_radps), CameraLimits{}.max_angular_acceleration_radps2 / 60 * (1 + 1e-9));
+      EXPECT_LE(std::abs(next.angles.roll_rad), std::abs(aim_rad) + 0.01);
+      state = next;
+    }
+    EXPECT_EQ(state.angles.roll_rad, aim_rad);
+  }
 }
 
 TEST(Motion, ARolledCameraTurnsAndLevelsWithinTheSpeedLimit) {

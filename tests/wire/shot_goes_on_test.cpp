@@ -84,6 +84,11 @@ TEST_F(ShotGoesOn, InEveryConvention) {
     EXPECT_NEAR(reply.shot().place().deviation(), 0, 1e-9) << "the target stays aside in the picture";
     ASSERT_EQ(again.shot().places_size(), 1) << preset;
     EXPECT_GT(std::abs(again.shot().places(0).x()), 0.15);
+    // And once more, in a third daemon.
+    client.take_reply(reply);
+    const v1::OpenSession once_more = client.opening();
+    ASSERT_EQ(once_more.shot().places_size(), 1) << preset;
+    EXPECT_NEAR(once_more.shot().places(0).x(), again.shot().places(0).x(), 1e-9);
   }
 }
 
