@@ -30,8 +30,9 @@ class WaitingTicks {
   struct Place {
     size_t order = 0;  // of its first tick in the entry
     std::vector<double> position;
-    std::vector<float> rotation;  // empty: it stays as it is
-    std::vector<float> velocity;  // empty: the daemon derives it
+    std::vector<float> rotation;          // empty: it stays as it is
+    std::vector<float> velocity;          // empty: the daemon derives it
+    std::vector<float> angular_velocity;  // empty: the daemon derives it
   };
   // A tick that is kept whole, or several in one that only say where things are.
   struct Entry {
