@@ -40,6 +40,7 @@ void WaitingTicks::Entry::fold(const v1::Tick& tick, double passed_s) {
   has_dt = has_dt || tick.has_dt_s();
   observed.reset();
   if (tick.has_observed_camera()) observed = tick.observed_camera();
+  if (folded.size() < kMostParts) folded.push_back(tick);
   const v1::Transforms& moved = tick.transforms();
   for (int i = 0; i < moved.ids_size(); ++i) {
     Place& place = places.try_emplace(moved.ids(i), Place{places.size(), {}, {}, {}, {}}).first->second;
@@ -58,6 +59,7 @@ std::vector<v1::Tick> WaitingTicks::Entry::ticks() const {
 }
 
 // Several ticks where need be: a message has rotations for all of its instances or for none, and so with velocities and angular velocities.
+// Each part takes the number of a tick. Where there are fewer ticks than parts, the ticks go as they came.
 std::vector<v1::Tick> WaitingTicks::Entry::parts() const {
   std::vector<std::pair<uint64_t, const Place*>> ordered;
   for (const auto& [id, place] : places) ordered.emplace_back(id, &place);
@@ -75,6 +77,7 @@ std::vector<v1::Tick> WaitingTicks::Entry::parts() const {
     moved.mutable_velocities()->Add(place->velocity.begin(), place->velocity.end());
     moved.mutable_angular_velocities()->Add(place->angular_velocity.begin(), place->angular_velocity.end());
   }
+  if (parts.size() > folded.size()) return folded;
   if (parts.empty()) parts.emplace_back();
   for (size_t i = 0; i < parts.size(); ++i) {
     parts[i].set_sequence(sequence - (parts.size() - 1 - i));

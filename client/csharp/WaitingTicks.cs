@@ -10,6 +10,7 @@ namespace Sightline.Client {
 // wait.
 internal sealed class WaitingTicks {
     public const int MostWaiting = 4096;
+    const int MostParts = 8;  // of what is folded: with and without rotation, velocity and angular velocity
 
     readonly LinkedList<Entry> entries = new LinkedList<Entry>();
     double? timeS;  // of the newest tick
@@ -80,6 +81,7 @@ internal sealed class WaitingTicks {
     sealed class Entry {
         public Tick Kept;
         public ObservedCamera Suggested;  // what the player sees instead of the daemon's camera
+        readonly List<Tick> folded = new List<Tick>();  // the first MostParts
         readonly Dictionary<ulong, Place> places = new Dictionary<ulong, Place>();
         readonly List<ulong> ids = new List<ulong>();  // the keys of places, in the order of their first tick
         ulong sequence;
@@ -93,6 +95,7 @@ internal sealed class WaitingTicks {
             dtS += passedS;
             hasDt |= tick.HasDtS;
             observed = tick.ObservedCamera;
+            if (folded.Count < MostParts) folded.Add(tick);
             var moved = tick.Transforms ?? new Transforms();
             for (int i = 0; i < moved.Ids.Count; ++i) {
                 Place before;
@@ -119,9 +122,10 @@ internal sealed class WaitingTicks {
         }
 
         // Several ticks where need be: a message has rotations for all of its instances or for none, and so with velocities and angular
-        // velocities.
+        // velocities. Each part takes the number of a tick. Where there are fewer ticks than parts, the ticks go as they came.
         List<Tick> Parts() {
             var kinds = ids.GroupBy(id => places[id].Kind).ToList();
+            if (kinds.Count > folded.Count) return folded;
             var parts = new List<Tick>();
             for (int i = 0; i < Math.Max(kinds.Count, 1); ++i) {
                 var tick = new Tick { Sequence = sequence - (ulong)(Math.Max(kinds.Count, 1) - 1 - i), TimeS = timeS };

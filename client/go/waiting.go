@@ -10,7 +10,10 @@ import (
 	v1 "sightline.dev/go/sightline/v1"
 )
 
-const mostWaiting = 4096
+const (
+	mostWaiting = 4096
+	mostParts   = 8 // of what is folded: with and without rotation, velocity and angular velocity
+)
 
 // ErrQueueFull is the error of a tick that was not taken, because so many wait for a daemon.
 var ErrQueueFull = errors.New("too many ticks wait for a daemon")
@@ -27,7 +30,8 @@ type entry struct {
 	kept       *v1.Tick
 	sequence   uint64
 	timeS, dtS float64
-	hasDt      bool // some tick said its dt_s
+	hasDt      bool       // some tick said its dt_s
+	folded     []*v1.Tick // the first mostParts
 	places     map[uint64]placeOf
 	ids        []uint64           // the keys of places, in the order of their first tick
 	observed   *v1.ObservedCamera // of the newest tick
@@ -46,6 +50,9 @@ func (e *entry) fold(tick *v1.Tick, dtS float64) {
 	e.sequence, e.timeS, e.observed = tick.Sequence, tick.TimeS, tick.ObservedCamera
 	e.dtS += dtS
 	e.hasDt = e.hasDt || tick.DtS != nil
+	if len(e.folded) < mostParts {
+		e.folded = append(e.folded, tick)
+	}
 	moved := tick.GetTransforms()
 	for i, id := range moved.GetIds() {
 		before, known := e.places[id]
@@ -76,7 +83,8 @@ func (e *entry) ticks() []*v1.Tick {
 }
 
 // parts are several ticks where need be: a message has rotations for all of its instances or for none, and so with
-// velocities and angular velocities.
+// velocities and angular velocities. Each part takes the number of a tick. Where there are fewer ticks than parts, the
+// ticks go as they came.
 func (e *entry) parts() []*v1.Tick {
 	var parts []*v1.Tick
 	kinds := map[[3]bool]*v1.Tick{}
@@ -93,6 +101,9 @@ func (e *entry) parts() []*v1.Tick {
 		moved.Rotations = append(moved.Rotations, place.rotation...)
 		moved.Velocities = append(moved.Velocities, place.velocity...)
 		moved.AngularVelocities = append(moved.AngularVelocities, place.angularVelocity...)
+	}
+	if len(parts) > len(e.folded) {
+		return e.folded
 	}
 	if parts == nil {
 		parts = []*v1.Tick{{}}

@@ -121,6 +121,22 @@ class Waiting(unittest.TestCase):
                 self.assertEqual([0, 1], ticks[4]["transforms"]["angularVelocities"])
                 self.assertEqual([0, "Infinity", 0], ticks[5]["transforms"]["angularVelocities"])
 
+    def test_few_ticks_of_many_kinds_go_as_they_came(self):
+        for name in PLAYERS:
+            with self.session(name, wait_s=0.1) as (session, daemon):
+                now = session.until_replies()  # game time
+                daemon.hold()
+                session.tick(timeS=now + 0.1)  # under way
+                first = session.tick(timeS=now + 0.2, transforms=moved(
+                    {1: (1, 0, 0), 2: (2, 0, 0)}, rotations=2 * TURN, angular_velocities=[0, 1, 0, 0, 2, 0]))["sequence"]
+                session.tick(timeS=now + 0.3, transforms=moved({2: (2, 1, 0), 3: (3, 1, 0)}))
+                daemon.let_go()
+                daemon.wait_for(first + 1)
+                ticks = session.sent(first - 1)
+                self.assertEqual([first - 1, first, first + 1], [int(tick["sequence"]) for tick in ticks])
+                self.assertEqual([["1", "2"], ["2", "3"]], [tick["transforms"]["ids"] for tick in ticks[1:]])
+                self.assertLess(ticks[1]["timeS"], ticks[2]["timeS"])
+
     def test_the_daemon_hears_what_the_player_sees_and_goes_on_from_there(self):
         for name in PLAYERS:
             with self.session(name) as (session, daemon):

@@ -6,6 +6,7 @@ import {TransformsSchema, type Transforms} from "./gen/sightline/v1/scene_pb.js"
 import {TickSchema, type ObservedCamera, type Tick} from "./gen/sightline/v1/session_pb.js";
 
 export const MOST_WAITING = 4096;
+const MOST_PARTS = 8; // of what is folded: with and without rotation, velocity and angular velocity
 
 interface Place {
   position: number[];
@@ -21,6 +22,7 @@ class Entry {
   private timeS = 0;
   private dtS = 0;
   private hasDt = false; // some tick said its dtS
+  private readonly folded: Tick[] = []; // the first MOST_PARTS
   private readonly places = new Map<bigint, Place>();
   private observed?: ObservedCamera; // of the newest tick
 
@@ -32,6 +34,7 @@ class Entry {
     this.dtS += dtS;
     this.hasDt ||= tick.dtS !== undefined;
     this.observed = tick.observedCamera;
+    if (this.folded.length < MOST_PARTS) this.folded.push(tick);
     const {ids, positions, rotations, velocities, angularVelocities} = tick.transforms ?? create(TransformsSchema);
     ids.forEach((id, i) => {
       const [position, velocity, angularVelocity] = [positions, velocities, angularVelocities].map((values) => values.slice(3 * i, 3 * i + 3));
@@ -47,7 +50,8 @@ class Entry {
     return ticks;
   }
 
-  // A message has rotations for all of its instances or for none, and so with velocities and angular velocities.
+  // A message has rotations for all of its instances or for none, and so with velocities and angular velocities. Each part takes the number of a
+  // tick. Where there are fewer ticks than parts, the ticks go as they came.
   private parts(): Tick[] {
     const kinds = new Map<string, Transforms>();
     for (const [id, {position, rotation, velocity, angularVelocity}] of this.places) {
@@ -60,6 +64,7 @@ class Entry {
       moved.velocities.push(...velocity);
       moved.angularVelocities.push(...angularVelocity);
     }
+    if (kinds.size > this.folded.length) return this.folded;
     const all = kinds.size ? [...kinds.values()] : [undefined];
     return all.map((transforms, i) => create(TickSchema, {
       sequence: this.sequence - BigInt(all.length - 1 - i), timeS: this.timeS, dtS: this.hasDt ? (i ? 0 : this.dtS) : undefined, transforms,

@@ -11,6 +11,7 @@ from sightline.v1.session_pb2 import ObservedCamera, Tick
 from sightline_client.errors import QueueFull
 
 MOST_WAITING = 4096
+MOST_PARTS = 8  # of what is folded: with and without rotation, velocity and angular velocity
 
 
 @dataclass
@@ -29,6 +30,7 @@ class _Entry:
     time_s: float = 0.0
     dt_s: float = 0.0
     has_dt: bool = False  # some tick said its dt_s
+    folded: List[Tick] = field(default_factory=list)  # the first MOST_PARTS
     places: Dict[int, _Place] = field(default_factory=dict)
     observed: Optional[ObservedCamera] = None  # of the newest tick
     suggested: Optional[ObservedCamera] = None  # what the player sees instead of the daemon's camera
@@ -38,6 +40,8 @@ class _Entry:
         self.dt_s += dt_s
         self.has_dt = self.has_dt or tick.HasField("dt_s")
         self.observed = tick.observed_camera if tick.HasField("observed_camera") else None
+        if len(self.folded) < MOST_PARTS:
+            self.folded.append(tick)
         moved = tick.transforms
         for i, id_ in enumerate(moved.ids):
             rotation = tuple(moved.rotations[4 * i:4 * i + 4])
@@ -59,10 +63,13 @@ class _Entry:
         return ticks
 
     def _parts(self) -> List[Tick]:
-        """A message has rotations for all of its instances or for none, and so with velocities and angular velocities."""
+        """A message has rotations for all of its instances or for none, and so with velocities and angular velocities.
+        Each part takes the number of a tick. Where there are fewer ticks than parts, the ticks go as they came."""
         kinds: Dict[Tuple[bool, bool, bool], Dict[int, _Place]] = {}
         for id_, place in self.places.items():
             kinds.setdefault((bool(place.rotation), bool(place.velocity), bool(place.angular_velocity)), {})[id_] = place
+        if len(kinds) > len(self.folded):
+            return self.folded
         parts = [Tick(time_s=self.time_s) for _ in range(max(len(kinds), 1))]
         for i, part in enumerate(parts):
             part.sequence = self.sequence - (len(parts) - 1 - i)

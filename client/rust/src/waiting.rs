@@ -4,6 +4,7 @@ use std::collections::{HashMap, HashSet, VecDeque};
 use crate::v1::{ObservedCamera, Tick, Transforms};
 
 pub(crate) const MOST_WAITING: usize = 4096;
+const MOST_PARTS: usize = 8; // of what is folded: with and without rotation, velocity and angular velocity
 
 /// The tick was not taken, because too many wait.
 pub(crate) struct Full;
@@ -23,7 +24,8 @@ struct Entry {
     sequence: u64,
     time_s: f64,
     dt_s: f64,
-    has_dt: bool, // some tick said its dt_s
+    has_dt: bool,      // some tick said its dt_s
+    folded: Vec<Tick>, // the first MOST_PARTS
     places: HashMap<u64, Place>,
     ids: Vec<u64>,                     // the keys of `places`, in the order of their first tick
     observed: Option<ObservedCamera>,  // of the newest tick
@@ -51,6 +53,9 @@ impl Entry {
         (self.sequence, self.time_s, self.observed) = (tick.sequence, tick.time_s, tick.observed_camera);
         self.dt_s += dt_s;
         self.has_dt |= tick.dt_s.is_some();
+        if self.folded.len() < MOST_PARTS {
+            self.folded.push(tick.clone());
+        }
         let moved = tick.transforms.unwrap_or_default();
         for (i, id) in moved.ids.iter().enumerate() {
             let place = self.places.entry(*id).or_insert_with(|| {
@@ -78,8 +83,8 @@ impl Entry {
     }
 
     /// Several ticks where need be: a message has rotations for all of its instances or for none, and so with
-    /// velocities and angular velocities.
-    fn parts(&self) -> Vec<Tick> {
+    /// velocities and angular velocities. Each part takes the number of a tick. Where there are fewer ticks than parts, the ticks go as they came.
+    fn parts(&mut self) -> Vec<Tick> {
         let mut kinds: Vec<([bool; 3], Transforms)> = Vec::new();
         for id in &self.ids {
             let place = &self.places[id];
@@ -94,6 +99,9 @@ impl Entry {
             moved.rotations.extend(&place.rotation);
             moved.velocities.extend(&place.velocity);
             moved.angular_velocities.extend(&place.angular_velocity);
+        }
+        if kinds.len() > self.folded.len() {
+            return std::mem::take(&mut self.folded);
         }
         let mut all: Vec<_> = kinds.into_iter().map(|(_, moved)| Some(moved)).collect();
         if all.is_empty() {
