@@ -1,6 +1,7 @@
 #include "client/cpp/waiting_ticks.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <set>
 #include <utility>
@@ -19,11 +20,15 @@ bool are_finite(const auto& values) {
   return std::all_of(values.begin(), values.end(), [](double value) { return std::isfinite(value); });
 }
 
+bool is_none_or(int expected, int size) { return size == 0 || size == expected; }
+
+// All numbers are there and finite, and no id comes twice.
 bool is_whole(const v1::Transforms& moved) {
-  const int n = moved.ids_size(), rotations = moved.rotations_size(), velocities = moved.velocities_size();
-  if (moved.positions_size() != 3 * n || (rotations != 0 && rotations != 4 * n) || (velocities != 0 && velocities != 3 * n)) return false;
+  const int n = moved.ids_size();
+  if (moved.positions_size() != 3 * n || !is_none_or(4 * n, moved.rotations_size())) return false;
+  if (!is_none_or(3 * n, moved.velocities_size()) || !is_none_or(3 * n, moved.angular_velocities_size())) return false;
   if (std::set<uint64_t>(moved.ids().begin(), moved.ids().end()).size() != static_cast<size_t>(n)) return false;
-  return are_finite(moved.positions()) && are_finite(moved.rotations()) && are_finite(moved.velocities());
+  return are_finite(moved.positions()) && are_finite(moved.rotations()) && are_finite(moved.velocities()) && are_finite(moved.angular_velocities());
 }
 
 }  // namespace
@@ -35,11 +40,13 @@ void WaitingTicks::Entry::fold(const v1::Tick& tick, double passed_s) {
   has_dt = has_dt || tick.has_dt_s();
   observed.reset();
   if (tick.has_observed_camera()) observed = tick.observed_camera();
+  if (folded.size() < kMostParts) folded.push_back(tick);
   const v1::Transforms& moved = tick.transforms();
   for (int i = 0; i < moved.ids_size(); ++i) {
-    Place& place = places.try_emplace(moved.ids(i), Place{places.size(), {}, {}, {}}).first->second;
+    Place& place = places.try_emplace(moved.ids(i), Place{places.size(), {}, {}, {}, {}}).first->second;
     place.position = part<double>(moved.positions(), 3, i);
     place.velocity = part<float>(moved.velocities(), 3, i);
+    place.angular_velocity = part<float>(moved.angular_velocities(), 3, i);
     if (!moved.rotations().empty()) place.rotation = part<float>(moved.rotations(), 4, i);
   }
 }
@@ -51,22 +58,26 @@ std::vector<v1::Tick> WaitingTicks::Entry::ticks() const {
   return ticks;
 }
 
-// Several ticks where need be: a message has rotations for all of its instances or for none, and velocities too.
+// Several ticks where need be: a message has rotations for all of its instances or for none, and so with velocities and angular velocities.
+// Each part takes the number of a tick. Where there are fewer ticks than parts, the ticks go as they came.
 std::vector<v1::Tick> WaitingTicks::Entry::parts() const {
   std::vector<std::pair<uint64_t, const Place*>> ordered;
   for (const auto& [id, place] : places) ordered.emplace_back(id, &place);
   std::sort(ordered.begin(), ordered.end(), [](const auto& a, const auto& b) { return a.second->order < b.second->order; });
-  std::map<std::pair<bool, bool>, size_t> kinds;
+  std::map<std::array<bool, 3>, size_t> kinds;
   std::vector<v1::Tick> parts;
   for (const auto& [id, place] : ordered) {
-    const auto [kind, is_new] = kinds.try_emplace({place->rotation.empty(), place->velocity.empty()}, parts.size());
+    const std::array has = {!place->rotation.empty(), !place->velocity.empty(), !place->angular_velocity.empty()};
+    const auto [kind, is_new] = kinds.try_emplace(has, parts.size());
     if (is_new) parts.emplace_back();
     v1::Transforms& moved = *parts[kind->second].mutable_transforms();
     moved.add_ids(id);
     moved.mutable_positions()->Add(place->position.begin(), place->position.end());
     moved.mutable_rotations()->Add(place->rotation.begin(), place->rotation.end());
     moved.mutable_velocities()->Add(place->velocity.begin(), place->velocity.end());
+    moved.mutable_angular_velocities()->Add(place->angular_velocity.begin(), place->angular_velocity.end());
   }
+  if (parts.size() > folded.size()) return folded;
   if (parts.empty()) parts.emplace_back();
   for (size_t i = 0; i < parts.size(); ++i) {
     parts[i].set_sequence(sequence - (parts.size() - 1 - i));

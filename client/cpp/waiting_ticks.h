@@ -17,6 +17,8 @@ class WaitingTicks {
  public:
   // The number of entries that may wait.
   static constexpr size_t kMost = 4096;
+  // The number of ticks that an entry can become: with and without rotation, velocity and angular velocity.
+  static constexpr size_t kMostParts = 8;
 
   bool empty() const { return entries_.empty(); }
   // Takes a tick with its number. kResourceExhausted (field "tick") when kMost wait.
@@ -30,8 +32,9 @@ class WaitingTicks {
   struct Place {
     size_t order = 0;  // of its first tick in the entry
     std::vector<double> position;
-    std::vector<float> rotation;  // empty: it stays as it is
-    std::vector<float> velocity;  // empty: the daemon derives it
+    std::vector<float> rotation;          // empty: it stays as it is
+    std::vector<float> velocity;          // empty: the daemon derives it
+    std::vector<float> angular_velocity;  // empty: the daemon derives it
   };
   // A tick that is kept whole, or several in one that only say where things are.
   struct Entry {
@@ -39,6 +42,7 @@ class WaitingTicks {
     uint64_t sequence = 0;
     double time_s = 0, dt_s = 0;
     bool has_dt = false;  // some tick said its dt_s
+    std::vector<v1::Tick> folded;  // the first kMostParts
     std::map<uint64_t, Place> places;
     std::optional<v1::ObservedCamera> observed;   // of the newest tick
     std::optional<v1::ObservedCamera> suggested;  // what the player sees instead of the daemon's camera

@@ -10,6 +10,7 @@ namespace Sightline.Client {
 // wait.
 internal sealed class WaitingTicks {
     public const int MostWaiting = 4096;
+    const int MostParts = 8;  // of what is folded: with and without rotation, velocity and angular velocity
 
     readonly LinkedList<Entry> entries = new LinkedList<Entry>();
     double? timeS;  // of the newest tick
@@ -45,11 +46,7 @@ internal sealed class WaitingTicks {
     bool IsPlain(Tick tick) {
         if (tick.ObservedCamera != null && tick.ObservedCamera.Cut) return false;
         if (!Finite.Is(tick.TimeS) || (tick.HasDtS && !(Finite.Is(tick.DtS) && tick.DtS >= 0)) || tick.TimeS < timeS) return false;
-        var moved = tick.Transforms ?? new Transforms();
-        int n = moved.Ids.Count;
-        if (moved.Positions.Count != 3 * n || (moved.Rotations.Count != 0 && moved.Rotations.Count != 4 * n)) return false;
-        if ((moved.Velocities.Count != 0 && moved.Velocities.Count != 3 * n) || new HashSet<ulong>(moved.Ids).Count != n) return false;
-        if (!moved.Positions.All(Finite.Is) || !moved.Rotations.All(value => Finite.Is(value)) || !moved.Velocities.All(value => Finite.Is(value))) return false;
+        if (tick.Transforms != null && !IsWhole(tick.Transforms)) return false;
         var rest = tick.Clone();
         rest.Sequence = 0;
         rest.TimeS = 0;
@@ -59,15 +56,32 @@ internal sealed class WaitingTicks {
         return rest.Equals(new Tick());
     }
 
+    // All numbers are there and finite, and no id comes twice.
+    static bool IsWhole(Transforms moved) {
+        int n = moved.Ids.Count;
+        if (moved.Positions.Count != 3 * n || !IsNoneOr(4 * n, moved.Rotations) || new HashSet<ulong>(moved.Ids).Count != n) return false;
+        if (!IsNoneOr(3 * n, moved.Velocities) || !IsNoneOr(3 * n, moved.AngularVelocities)) return false;
+        var optional = moved.Rotations.Concat(moved.Velocities).Concat(moved.AngularVelocities);
+        return moved.Positions.All(Finite.Is) && optional.All(value => Finite.Is(value));
+    }
+
+    static bool IsNoneOr(int count, ICollection<float> values) {
+        return values.Count == 0 || values.Count == count;
+    }
+
     sealed class Place {
         public double[] Position;
-        public float[] Rotation, Velocity;  // empty: the rotation stays as it is, and the daemon derives the velocity
+        public float[] Rotation;                   // empty: it stays as it is
+        public float[] Velocity, AngularVelocity;  // empty: the daemon derives it
+
+        public (bool, bool, bool) Kind => (Rotation.Length > 0, Velocity.Length > 0, AngularVelocity.Length > 0);
     }
 
     // A tick that is kept whole, or several in one that only say where things are.
     sealed class Entry {
         public Tick Kept;
         public ObservedCamera Suggested;  // what the player sees instead of the daemon's camera
+        readonly List<Tick> folded = new List<Tick>();  // the first MostParts
         readonly Dictionary<ulong, Place> places = new Dictionary<ulong, Place>();
         readonly List<ulong> ids = new List<ulong>();  // the keys of places, in the order of their first tick
         ulong sequence;
@@ -81,6 +95,7 @@ internal sealed class WaitingTicks {
             dtS += passedS;
             hasDt |= tick.HasDtS;
             observed = tick.ObservedCamera;
+            if (folded.Count < MostParts) folded.Add(tick);
             var moved = tick.Transforms ?? new Transforms();
             for (int i = 0; i < moved.Ids.Count; ++i) {
                 Place before;
@@ -88,7 +103,7 @@ internal sealed class WaitingTicks {
                 var rotation = Part(moved.Rotations, 4, i);
                 places[moved.Ids[i]] = new Place {
                     Position = Part(moved.Positions, 3, i), Rotation = rotation.Length == 0 && before != null ? before.Rotation : rotation,
-                    Velocity = Part(moved.Velocities, 3, i)
+                    Velocity = Part(moved.Velocities, 3, i), AngularVelocity = Part(moved.AngularVelocities, 3, i)
                 };
             }
         }
@@ -106,9 +121,11 @@ internal sealed class WaitingTicks {
             return ticks;
         }
 
-        // Several ticks where need be: a message has rotations for all of its instances or for none, and velocities too.
+        // Several ticks where need be: a message has rotations for all of its instances or for none, and so with velocities and angular
+        // velocities. Each part takes the number of a tick. Where there are fewer ticks than parts, the ticks go as they came.
         List<Tick> Parts() {
-            var kinds = ids.GroupBy(id => places[id].Rotation.Length + 8 * places[id].Velocity.Length).ToList();
+            var kinds = ids.GroupBy(id => places[id].Kind).ToList();
+            if (kinds.Count > folded.Count) return folded;
             var parts = new List<Tick>();
             for (int i = 0; i < Math.Max(kinds.Count, 1); ++i) {
                 var tick = new Tick { Sequence = sequence - (ulong)(Math.Max(kinds.Count, 1) - 1 - i), TimeS = timeS };
@@ -119,6 +136,7 @@ internal sealed class WaitingTicks {
                     tick.Transforms.Positions.AddRange(places[id].Position);
                     tick.Transforms.Rotations.AddRange(places[id].Rotation);
                     tick.Transforms.Velocities.AddRange(places[id].Velocity);
+                    tick.Transforms.AngularVelocities.AddRange(places[id].AngularVelocity);
                 }
                 parts.Add(tick);
             }

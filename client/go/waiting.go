@@ -10,15 +10,19 @@ import (
 	v1 "sightline.dev/go/sightline/v1"
 )
 
-const mostWaiting = 4096
+const (
+	mostWaiting = 4096
+	mostParts   = 8 // of what is folded: with and without rotation, velocity and angular velocity
+)
 
 // ErrQueueFull is the error of a tick that was not taken, because so many wait for a daemon.
 var ErrQueueFull = errors.New("too many ticks wait for a daemon")
 
 type placeOf struct {
-	position []float64
-	rotation []float32 // empty: it stays as it is
-	velocity []float32 // empty: the daemon derives it
+	position        []float64
+	rotation        []float32 // empty: it stays as it is
+	velocity        []float32 // empty: the daemon derives it
+	angularVelocity []float32 // empty: the daemon derives it
 }
 
 // entry is a tick that is kept whole, or several in one that only say where things are.
@@ -26,7 +30,8 @@ type entry struct {
 	kept       *v1.Tick
 	sequence   uint64
 	timeS, dtS float64
-	hasDt      bool // some tick said its dt_s
+	hasDt      bool       // some tick said its dt_s
+	folded     []*v1.Tick // the first mostParts
 	places     map[uint64]placeOf
 	ids        []uint64           // the keys of places, in the order of their first tick
 	observed   *v1.ObservedCamera // of the newest tick
@@ -45,13 +50,16 @@ func (e *entry) fold(tick *v1.Tick, dtS float64) {
 	e.sequence, e.timeS, e.observed = tick.Sequence, tick.TimeS, tick.ObservedCamera
 	e.dtS += dtS
 	e.hasDt = e.hasDt || tick.DtS != nil
+	if len(e.folded) < mostParts {
+		e.folded = append(e.folded, tick)
+	}
 	moved := tick.GetTransforms()
 	for i, id := range moved.GetIds() {
 		before, known := e.places[id]
 		if !known {
 			e.ids = append(e.ids, id)
 		}
-		next := placeOf{part(moved.Positions, 3, i), part(moved.Rotations, 4, i), part(moved.Velocities, 3, i)}
+		next := placeOf{part(moved.Positions, 3, i), part(moved.Rotations, 4, i), part(moved.Velocities, 3, i), part(moved.AngularVelocities, 3, i)}
 		if next.rotation == nil {
 			next.rotation = before.rotation
 		}
@@ -74,13 +82,15 @@ func (e *entry) ticks() []*v1.Tick {
 	return ticks
 }
 
-// parts are several ticks where need be: a message has rotations for all of its instances or for none, and velocities too.
+// parts are several ticks where need be: a message has rotations for all of its instances or for none, and so with
+// velocities and angular velocities. Each part takes the number of a tick. Where there are fewer ticks than parts, the
+// ticks go as they came.
 func (e *entry) parts() []*v1.Tick {
 	var parts []*v1.Tick
-	kinds := map[[2]bool]*v1.Tick{}
+	kinds := map[[3]bool]*v1.Tick{}
 	for _, id := range e.ids {
 		place := e.places[id]
-		kind := [2]bool{place.rotation != nil, place.velocity != nil}
+		kind := [3]bool{place.rotation != nil, place.velocity != nil, place.angularVelocity != nil}
 		if kinds[kind] == nil {
 			kinds[kind] = &v1.Tick{Transforms: &v1.Transforms{}}
 			parts = append(parts, kinds[kind])
@@ -90,6 +100,10 @@ func (e *entry) parts() []*v1.Tick {
 		moved.Positions = append(moved.Positions, place.position...)
 		moved.Rotations = append(moved.Rotations, place.rotation...)
 		moved.Velocities = append(moved.Velocities, place.velocity...)
+		moved.AngularVelocities = append(moved.AngularVelocities, place.angularVelocity...)
+	}
+	if len(parts) > len(e.folded) {
+		return e.folded
 	}
 	if parts == nil {
 		parts = []*v1.Tick{{}}
@@ -167,21 +181,33 @@ func (w *waitingTicks) isPlain(tick *v1.Tick) bool {
 	if w.timeS != nil && tick.TimeS < *w.timeS {
 		return false
 	}
-	moved := tick.GetTransforms()
-	n, rotations, velocities := len(moved.GetIds()), len(moved.GetRotations()), len(moved.GetVelocities())
-	if len(moved.GetPositions()) != 3*n || (rotations != 0 && rotations != 4*n) || (velocities != 0 && velocities != 3*n) {
+	if !isWhole(tick.GetTransforms()) {
+		return false
+	}
+	rest := proto.Clone(tick).(*v1.Tick)
+	rest.Sequence, rest.TimeS, rest.DtS, rest.Transforms, rest.ObservedCamera = 0, 0, nil, nil, nil
+	return proto.Size(rest) == 0
+}
+
+// isWhole says whether all numbers are there and finite, and no id comes twice.
+func isWhole(moved *v1.Transforms) bool {
+	n := len(moved.GetIds())
+	if len(moved.GetPositions()) != 3*n || !isNoneOr(4*n, moved.GetRotations()) {
+		return false
+	}
+	if !isNoneOr(3*n, moved.GetVelocities()) || !isNoneOr(3*n, moved.GetAngularVelocities()) {
 		return false
 	}
 	ids := map[uint64]bool{}
 	for _, id := range moved.GetIds() {
 		ids[id] = true
 	}
-	if len(ids) != n || !areFinite(moved.GetPositions()) || !areFinite(moved.GetRotations()) || !areFinite(moved.GetVelocities()) {
-		return false
-	}
-	rest := proto.Clone(tick).(*v1.Tick)
-	rest.Sequence, rest.TimeS, rest.DtS, rest.Transforms, rest.ObservedCamera = 0, 0, nil, nil, nil
-	return proto.Size(rest) == 0
+	return len(ids) == n && areFinite(moved.GetPositions()) && areFinite(moved.GetRotations()) &&
+		areFinite(moved.GetVelocities()) && areFinite(moved.GetAngularVelocities())
+}
+
+func isNoneOr(count int, values []float32) bool {
+	return len(values) == 0 || len(values) == count
 }
 
 func areFinite[T float32 | float64](values []T) bool {

@@ -17,9 +17,9 @@ PLAYERS = commands_of(sys.argv[2:])
 TURN = [0.0, 0.6, 0.0, 0.8]
 
 
-def moved(places, rotations=None, velocities=None):
+def moved(places, rotations=(), velocities=(), angular_velocities=()):
     return {"ids": [str(id_) for id_ in places], "positions": [value for place in places.values() for value in place],
-            "rotations": rotations or [], "velocities": velocities or []}
+            "rotations": list(rotations), "velocities": list(velocities), "angularVelocities": list(angular_velocities)}
 
 
 class Session:
@@ -88,12 +88,54 @@ class Waiting(unittest.TestCase):
         for a, b in zip(expected, got, strict=True):
             self.assertAlmostEqual(a, b, places=6)
 
-    def assert_moved(self, tick, id_, place, rotation, velocity):
+    def assert_moved(self, tick, id_, place, rotation, velocity, angular_velocity=None):
         moved = tick["transforms"]
         self.assertEqual([str(id_)], moved["ids"])
         self.assert_near(place, moved["positions"])
         self.assert_near(rotation or [], moved.get("rotations", []))
         self.assert_near(velocity or [], moved.get("velocities", []))
+        self.assert_near(angular_velocity or [], moved.get("angularVelocities", []))
+
+    def test_the_newest_angular_velocity_of_each_instance_is_sent(self):
+        for name in PLAYERS:
+            with self.session(name, wait_s=0.1) as (session, daemon):
+                now = session.until_replies()  # game time
+                daemon.hold()
+                session.tick(timeS=now + 0.1)  # under way
+                first = session.tick(timeS=now + 0.2, transforms=moved(
+                    {1: (1, 0, 0), 2: (2, 0, 0), 3: (3, 0, 0)}, rotations=3 * TURN, angular_velocities=[0, 1, 0, 0, 2, 0, 0, 3, 0]))["sequence"]
+                session.tick(timeS=now + 0.3, transforms=moved(
+                    {2: (2, 1, 0), 4: (4, 1, 0)}, velocities=[0, 2, 0, 0, 4, 0], angular_velocities=[2, 0, 0, 4, 0, 0]))
+                session.tick(timeS=now + 0.4, transforms=moved({1: (1, 2, 0)}))
+                session.tick(timeS=now + 0.5, transforms=moved({1: (1, 3, 0)}))
+                session.tick(timeS=now + 0.6, transforms=moved({1: (1, 4, 0)}, angular_velocities=[0, 1]))  # a daemon would refuse it
+                session.tick(timeS=now + 0.7, transforms=moved({1: (1, 5, 0)}, angular_velocities=[0, "Infinity", 0]))  # and this one
+                daemon.let_go()
+                daemon.wait_for(first + 5)
+                ticks = session.sent(first)
+                self.assertEqual(list(range(first, first + 6)), [int(tick["sequence"]) for tick in ticks])
+                self.assert_moved(ticks[0], 1, (1, 3, 0), TURN, None)
+                self.assert_moved(ticks[1], 2, (2, 1, 0), TURN, (0, 2, 0), (2, 0, 0))
+                self.assert_moved(ticks[2], 3, (3, 0, 0), TURN, None, (0, 3, 0))
+                self.assert_moved(ticks[3], 4, (4, 1, 0), None, (0, 4, 0), (4, 0, 0))
+                self.assertEqual([0, 1], ticks[4]["transforms"]["angularVelocities"])
+                self.assertEqual([0, "Infinity", 0], ticks[5]["transforms"]["angularVelocities"])
+
+    def test_few_ticks_of_many_kinds_go_as_they_came(self):
+        for name in PLAYERS:
+            with self.session(name, wait_s=0.1) as (session, daemon):
+                now = session.until_replies()  # game time
+                daemon.hold()
+                session.tick(timeS=now + 0.1)  # under way
+                first = session.tick(timeS=now + 0.2, transforms=moved(
+                    {1: (1, 0, 0), 2: (2, 0, 0)}, rotations=2 * TURN, angular_velocities=[0, 1, 0, 0, 2, 0]))["sequence"]
+                session.tick(timeS=now + 0.3, transforms=moved({2: (2, 1, 0), 3: (3, 1, 0)}))
+                daemon.let_go()
+                daemon.wait_for(first + 1)
+                ticks = session.sent(first - 1)
+                self.assertEqual([first - 1, first, first + 1], [int(tick["sequence"]) for tick in ticks])
+                self.assertEqual([["1", "2"], ["2", "3"]], [tick["transforms"]["ids"] for tick in ticks[1:]])
+                self.assertLess(ticks[1]["timeS"], ticks[2]["timeS"])
 
     def test_the_daemon_hears_what_the_player_sees_and_goes_on_from_there(self):
         for name in PLAYERS:

@@ -6,11 +6,13 @@ import {TransformsSchema, type Transforms} from "./gen/sightline/v1/scene_pb.js"
 import {TickSchema, type ObservedCamera, type Tick} from "./gen/sightline/v1/session_pb.js";
 
 export const MOST_WAITING = 4096;
+const MOST_PARTS = 8; // of what is folded: with and without rotation, velocity and angular velocity
 
 interface Place {
   position: number[];
   rotation: number[]; // empty: it stays as it is
   velocity: number[]; // empty: the daemon derives it
+  angularVelocity: number[]; // empty: the daemon derives it
 }
 
 // A tick that is kept whole, or several in one that only say where things are.
@@ -20,6 +22,7 @@ class Entry {
   private timeS = 0;
   private dtS = 0;
   private hasDt = false; // some tick said its dtS
+  private readonly folded: Tick[] = []; // the first MOST_PARTS
   private readonly places = new Map<bigint, Place>();
   private observed?: ObservedCamera; // of the newest tick
 
@@ -31,10 +34,12 @@ class Entry {
     this.dtS += dtS;
     this.hasDt ||= tick.dtS !== undefined;
     this.observed = tick.observedCamera;
-    const {ids = [], positions = [], rotations = [], velocities = []} = tick.transforms ?? {};
+    if (this.folded.length < MOST_PARTS) this.folded.push(tick);
+    const {ids, positions, rotations, velocities, angularVelocities} = tick.transforms ?? create(TransformsSchema);
     ids.forEach((id, i) => {
+      const [position, velocity, angularVelocity] = [positions, velocities, angularVelocities].map((values) => values.slice(3 * i, 3 * i + 3));
       const rotation = rotations.length ? rotations.slice(4 * i, 4 * i + 4) : (this.places.get(id)?.rotation ?? []);
-      this.places.set(id, {position: positions.slice(3 * i, 3 * i + 3), rotation, velocity: velocities.slice(3 * i, 3 * i + 3)});
+      this.places.set(id, {position, rotation, velocity, angularVelocity});
     });
   }
 
@@ -45,23 +50,34 @@ class Entry {
     return ticks;
   }
 
-  // A message has rotations for all of its instances or for none, and velocities too.
+  // A message has rotations for all of its instances or for none, and so with velocities and angular velocities. Each part takes the number of a
+  // tick. Where there are fewer ticks than parts, the ticks go as they came.
   private parts(): Tick[] {
     const kinds = new Map<string, Transforms>();
-    for (const [id, {position, rotation, velocity}] of this.places) {
-      const kind = `${rotation.length} ${velocity.length}`;
+    for (const [id, {position, rotation, velocity, angularVelocity}] of this.places) {
+      const kind = `${rotation.length} ${velocity.length} ${angularVelocity.length}`;
       const moved = kinds.get(kind) ?? create(TransformsSchema);
       kinds.set(kind, moved);
       moved.ids.push(id);
       moved.positions.push(...position);
       moved.rotations.push(...rotation);
       moved.velocities.push(...velocity);
+      moved.angularVelocities.push(...angularVelocity);
     }
+    if (kinds.size > this.folded.length) return this.folded;
     const all = kinds.size ? [...kinds.values()] : [undefined];
     return all.map((transforms, i) => create(TickSchema, {
       sequence: this.sequence - BigInt(all.length - 1 - i), timeS: this.timeS, dtS: this.hasDt ? (i ? 0 : this.dtS) : undefined, transforms,
     }));
   }
+}
+
+// All numbers are there and finite, and no id comes twice.
+function isWhole({ids, positions, rotations, velocities, angularVelocities}: Transforms): boolean {
+  const n = ids.length;
+  if (positions.length !== 3 * n || ![0, 4 * n].includes(rotations.length) || new Set(ids).size !== n) return false;
+  if (![velocities, angularVelocities].every((values) => [0, 3 * n].includes(values.length))) return false;
+  return [positions, rotations, velocities, angularVelocities].every((values) => values.every(Number.isFinite));
 }
 
 // Ticks in their order. Those that carry only time and places, and perhaps an observed camera that is no cut, fold into one: the newest place
@@ -103,10 +119,7 @@ export class WaitingTicks {
   private isPlain(tick: Tick): boolean {
     if (tick.observedCamera?.cut || ![tick.timeS, tick.dtS ?? 0].every(Number.isFinite)) return false;
     if ((tick.dtS ?? 0) < 0 || (this.timeS !== undefined && tick.timeS < this.timeS)) return false;
-    const {ids = [], positions = [], rotations = [], velocities = []} = tick.transforms ?? {};
-    const n = ids.length;
-    if (positions.length !== 3 * n || ![0, 4 * n].includes(rotations.length) || ![0, 3 * n].includes(velocities.length)) return false;
-    if (new Set(ids).size !== n || ![positions, rotations, velocities].every((values) => values.every(Number.isFinite))) return false;
+    if (tick.transforms && !isWhole(tick.transforms)) return false;
     const rest = clone(TickSchema, {...tick, transforms: undefined, observedCamera: undefined});
     rest.sequence = 0n;
     rest.timeS = 0;

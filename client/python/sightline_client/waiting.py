@@ -6,10 +6,12 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Deque, Dict, List, Optional, Tuple
 
+from sightline.v1.scene_pb2 import Transforms
 from sightline.v1.session_pb2 import ObservedCamera, Tick
 from sightline_client.errors import QueueFull
 
 MOST_WAITING = 4096
+MOST_PARTS = 8  # of what is folded: with and without rotation, velocity and angular velocity
 
 
 @dataclass
@@ -17,6 +19,7 @@ class _Place:
     position: Tuple[float, ...]
     rotation: Tuple[float, ...]  # empty: it stays as it is
     velocity: Tuple[float, ...]  # empty: the daemon derives it
+    angular_velocity: Tuple[float, ...]  # empty: the daemon derives it
 
 
 @dataclass
@@ -27,6 +30,7 @@ class _Entry:
     time_s: float = 0.0
     dt_s: float = 0.0
     has_dt: bool = False  # some tick said its dt_s
+    folded: List[Tick] = field(default_factory=list)  # the first MOST_PARTS
     places: Dict[int, _Place] = field(default_factory=dict)
     observed: Optional[ObservedCamera] = None  # of the newest tick
     suggested: Optional[ObservedCamera] = None  # what the player sees instead of the daemon's camera
@@ -36,12 +40,15 @@ class _Entry:
         self.dt_s += dt_s
         self.has_dt = self.has_dt or tick.HasField("dt_s")
         self.observed = tick.observed_camera if tick.HasField("observed_camera") else None
+        if len(self.folded) < MOST_PARTS:
+            self.folded.append(tick)
         moved = tick.transforms
         for i, id_ in enumerate(moved.ids):
             rotation = tuple(moved.rotations[4 * i:4 * i + 4])
             if not rotation and id_ in self.places:
                 rotation = self.places[id_].rotation
-            self.places[id_] = _Place(tuple(moved.positions[3 * i:3 * i + 3]), rotation, tuple(moved.velocities[3 * i:3 * i + 3]))
+            self.places[id_] = _Place(tuple(moved.positions[3 * i:3 * i + 3]), rotation, tuple(moved.velocities[3 * i:3 * i + 3]),
+                                      tuple(moved.angular_velocities[3 * i:3 * i + 3]))
 
     def ticks(self) -> List[Tick]:
         if self.kept is not None:
@@ -56,10 +63,13 @@ class _Entry:
         return ticks
 
     def _parts(self) -> List[Tick]:
-        """A message has rotations for all of its instances or for none, and velocities too."""
-        kinds: Dict[Tuple[bool, bool], Dict[int, _Place]] = {}
+        """A message has rotations for all of its instances or for none, and so with velocities and angular velocities.
+        Each part takes the number of a tick. Where there are fewer ticks than parts, the ticks go as they came."""
+        kinds: Dict[Tuple[bool, bool, bool], Dict[int, _Place]] = {}
         for id_, place in self.places.items():
-            kinds.setdefault((bool(place.rotation), bool(place.velocity)), {})[id_] = place
+            kinds.setdefault((bool(place.rotation), bool(place.velocity), bool(place.angular_velocity)), {})[id_] = place
+        if len(kinds) > len(self.folded):
+            return self.folded
         parts = [Tick(time_s=self.time_s) for _ in range(max(len(kinds), 1))]
         for i, part in enumerate(parts):
             part.sequence = self.sequence - (len(parts) - 1 - i)
@@ -71,7 +81,18 @@ class _Entry:
                 part.transforms.positions.extend(place.position)
                 part.transforms.rotations.extend(place.rotation)
                 part.transforms.velocities.extend(place.velocity)
+                part.transforms.angular_velocities.extend(place.angular_velocity)
         return parts
+
+
+def _is_whole(moved: Transforms) -> bool:
+    """All numbers are there and finite, and no id comes twice."""
+    n = len(moved.ids)
+    if len(moved.positions) != 3 * n or len(moved.rotations) not in (0, 4 * n) or len(set(moved.ids)) != n:
+        return False
+    if len(moved.velocities) not in (0, 3 * n) or len(moved.angular_velocities) not in (0, 3 * n):
+        return False
+    return all(map(math.isfinite, (*moved.positions, *moved.rotations, *moved.velocities, *moved.angular_velocities)))
 
 
 class WaitingTicks:
@@ -113,11 +134,7 @@ class WaitingTicks:
             return False
         if tick.dt_s < 0 or (self._time_s is not None and tick.time_s < self._time_s):
             return False
-        moved, n = tick.transforms, len(tick.transforms.ids)
-        sizes = (len(moved.positions), len(moved.rotations), len(moved.velocities))
-        if sizes[0] != 3 * n or sizes[1] not in (0, 4 * n) or sizes[2] not in (0, 3 * n) or len(set(moved.ids)) != n:
-            return False
-        if not all(map(math.isfinite, (*moved.positions, *moved.rotations, *moved.velocities))):
+        if not _is_whole(tick.transforms):
             return False
         rest = Tick()
         rest.CopyFrom(tick)

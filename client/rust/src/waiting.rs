@@ -4,6 +4,7 @@ use std::collections::{HashMap, HashSet, VecDeque};
 use crate::v1::{ObservedCamera, Tick, Transforms};
 
 pub(crate) const MOST_WAITING: usize = 4096;
+const MOST_PARTS: usize = 8; // of what is folded: with and without rotation, velocity and angular velocity
 
 /// The tick was not taken, because too many wait.
 pub(crate) struct Full;
@@ -11,8 +12,9 @@ pub(crate) struct Full;
 #[derive(Default)]
 struct Place {
     position: Vec<f64>,
-    rotation: Vec<f32>, // empty: it stays as it is
-    velocity: Vec<f32>, // empty: the daemon derives it
+    rotation: Vec<f32>,         // empty: it stays as it is
+    velocity: Vec<f32>,         // empty: the daemon derives it
+    angular_velocity: Vec<f32>, // empty: the daemon derives it
 }
 
 /// A tick that is kept whole, or several in one that only say where things are.
@@ -22,7 +24,8 @@ struct Entry {
     sequence: u64,
     time_s: f64,
     dt_s: f64,
-    has_dt: bool, // some tick said its dt_s
+    has_dt: bool,      // some tick said its dt_s
+    folded: Vec<Tick>, // the first MOST_PARTS
     places: HashMap<u64, Place>,
     ids: Vec<u64>,                     // the keys of `places`, in the order of their first tick
     observed: Option<ObservedCamera>,  // of the newest tick
@@ -34,11 +37,25 @@ fn part<T: Clone>(values: &[T], size: usize, i: usize) -> Vec<T> {
     values.get(size * i..size * (i + 1)).map_or(Vec::new(), <[T]>::to_vec)
 }
 
+/// All numbers are there and finite, and no id comes twice.
+fn is_whole(moved: &Transforms) -> bool {
+    let n = moved.ids.len();
+    let sizes_fit = moved.positions.len() == 3 * n
+        && [0, 4 * n].contains(&moved.rotations.len())
+        && [&moved.velocities, &moved.angular_velocities].iter().all(|values| [0, 3 * n].contains(&values.len()));
+    let mut optional = moved.rotations.iter().chain(&moved.velocities).chain(&moved.angular_velocities);
+    let finite = moved.positions.iter().all(|value| value.is_finite()) && optional.all(|value| value.is_finite());
+    sizes_fit && finite && moved.ids.iter().collect::<HashSet<_>>().len() == n
+}
+
 impl Entry {
     fn fold(&mut self, tick: Tick, dt_s: f64) {
         (self.sequence, self.time_s, self.observed) = (tick.sequence, tick.time_s, tick.observed_camera);
         self.dt_s += dt_s;
         self.has_dt |= tick.dt_s.is_some();
+        if self.folded.len() < MOST_PARTS {
+            self.folded.push(tick.clone());
+        }
         let moved = tick.transforms.unwrap_or_default();
         for (i, id) in moved.ids.iter().enumerate() {
             let place = self.places.entry(*id).or_insert_with(|| {
@@ -47,6 +64,7 @@ impl Entry {
             });
             place.position = part(&moved.positions, 3, i);
             place.velocity = part(&moved.velocities, 3, i);
+            place.angular_velocity = part(&moved.angular_velocities, 3, i);
             if !moved.rotations.is_empty() {
                 place.rotation = part(&moved.rotations, 4, i);
             }
@@ -64,12 +82,13 @@ impl Entry {
         ticks
     }
 
-    /// Several ticks where need be: a message has rotations for all of its instances or for none, and velocities too.
-    fn parts(&self) -> Vec<Tick> {
-        let mut kinds: Vec<((bool, bool), Transforms)> = Vec::new();
+    /// Several ticks where need be: a message has rotations for all of its instances or for none, and so with
+    /// velocities and angular velocities. Each part takes the number of a tick. Where there are fewer ticks than parts, the ticks go as they came.
+    fn parts(&mut self) -> Vec<Tick> {
+        let mut kinds: Vec<([bool; 3], Transforms)> = Vec::new();
         for id in &self.ids {
             let place = &self.places[id];
-            let kind = (place.rotation.is_empty(), place.velocity.is_empty());
+            let kind = [place.rotation.is_empty(), place.velocity.is_empty(), place.angular_velocity.is_empty()];
             let at = kinds.iter().position(|(known, _)| *known == kind).unwrap_or_else(|| {
                 kinds.push((kind, Transforms::default()));
                 kinds.len() - 1
@@ -79,6 +98,10 @@ impl Entry {
             moved.positions.extend(&place.position);
             moved.rotations.extend(&place.rotation);
             moved.velocities.extend(&place.velocity);
+            moved.angular_velocities.extend(&place.angular_velocity);
+        }
+        if kinds.len() > self.folded.len() {
+            return std::mem::take(&mut self.folded);
         }
         let mut all: Vec<_> = kinds.into_iter().map(|(_, moved)| Some(moved)).collect();
         if all.is_empty() {
@@ -153,14 +176,8 @@ impl WaitingTicks {
         if self.time_s.is_some_and(|former| tick.time_s < former) {
             return false;
         }
-        if let Some(moved) = &tick.transforms {
-            let n = moved.ids.len();
-            let sizes_fit = moved.positions.len() == 3 * n && [0, 4 * n].contains(&moved.rotations.len()) && [0, 3 * n].contains(&moved.velocities.len());
-            let finite = moved.positions.iter().all(|value| value.is_finite())
-                && moved.rotations.iter().chain(&moved.velocities).all(|value| value.is_finite());
-            if !sizes_fit || !finite || moved.ids.iter().collect::<HashSet<_>>().len() != n {
-                return false;
-            }
+        if !tick.transforms.as_ref().is_none_or(is_whole) {
+            return false;
         }
         let rest = Tick { sequence: 0, time_s: 0.0, dt_s: None, transforms: None, observed_camera: None, ..tick.clone() };
         rest == Tick::default()
