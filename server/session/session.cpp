@@ -208,6 +208,12 @@ double Session::step_length_s(const TickInput& tick) const {
   return std::min(dt_s, kLongestStepS);
 }
 
+// What has not moved in a shifted world must not seem to have moved by the rounding of its coordinates.
+void Session::stay_if_rounded(const Instance& before, const glm::dvec3& world_shift_m, glm::dvec3& position_m) const {
+  const double rounding_m = 0x1p-48 * (glm::length(options_.convention.origin_m) + glm::length(world_shift_m) + glm::length(position_m));
+  if (glm::distance(position_m, before.pose.position_m) <= rounding_m) position_m = before.pose.position_m;
+}
+
 // Fills update_ for the mirror: the tick's transforms, completed by kept rotations, derived velocities and corrections of held and noisy positions.
 void Session::fill_update(const TickInput& tick, const IdsAfter& ids) {
   const TransformUpdate& sent = tick.transforms;
@@ -230,6 +236,7 @@ void Session::fill_update(const TickInput& tick, const IdsAfter& ids) {
                                   : before ? before->pose.rotation
                                            : Pose{}.rotation;
     }
+    if (before && tick.world_shift_m != glm::dvec3(0.0)) stay_if_rounded(*before, tick.world_shift_m, update_.poses[i].position_m);
     add_motion(sent.ids[i], before, update_.poses[i],
                {derives ? nullptr : &sent.velocities_mps[i], derives_turns ? nullptr : &sent.angular_velocities_radps[i]}, dt_s);
   }

@@ -199,6 +199,7 @@ class Session {
   Status check_terms(const TickInput& tick) const;
   double step_length_s(const TickInput& tick) const;
   void fill_update(const TickInput& tick, const IdsAfter& ids);
+  void stay_if_rounded(const Instance& before, const glm::dvec3& world_shift_m, glm::dvec3& position_m) const;
   Track track_of(uint64_t id, const Instance* before, const glm::dvec3& now_m) const;
   void add_motion(uint64_t id, const Instance* before, const Pose& now, const SentMotion& sent, double dt_s);
   void add_motion(const MotionEstimate& estimate, const glm::dvec3& angular_velocity_radps);

@@ -265,8 +265,8 @@ struct StateFields {
   }
   template <typename A, SameAs<DecisionInForce> T>
   static void each(A& archive, T& last) {
-    auto& [age_s, decisions, is_due, tracking, status, reason, view_way, sees_none, nearest_view, counts, target_ids, seen] = last;
-    archive(age_s, decisions, is_due, tracking, status, reason, view_way, sees_none, nearest_view, counts, target_ids, seen);
+    auto& [age_s, clock_s, is_due, tracking, status, reason, view_way, sees_none, nearest_view, counts, target_ids, seen] = last;
+    archive(age_s, clock_s, is_due, tracking, status, reason, view_way, sees_none, nearest_view, counts, target_ids, seen);
   }
   template <typename A, SameAs<CarriedState> T>
   static void each(A& archive, T& state) {
@@ -493,7 +493,7 @@ struct StateFields {
            map.known_s_.size() == map.ids_.size() && map.distance_m_ > 0;
   }
   static bool possible(const DecisionInForce& last) {
-    return last.age_s >= 0 && last.tracking.by <= TrackBy::kAcceleration && last.status <= MoveStatus::kHolding && last.reason <= MoveReason::kCut &&
+    return last.age_s >= 0 && last.clock_s >= 0 && last.clock_s < 1e15 && last.tracking.by <= TrackBy::kAcceleration && last.status <= MoveStatus::kHolding && last.reason <= MoveReason::kCut &&
            last.counts.visible_by_target.size() <= kMaxTargets;
   }
   static constexpr double kFarthestViewM = 1e4;  // farther than any bound reaches

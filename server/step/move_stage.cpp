@@ -246,6 +246,8 @@ Decision go_on(const MoveInput& in) {
   decision.status = last.status, decision.reason = last.reason;
   decision.view_way_m = last.view_way_m, decision.sees_none = last.sees_none, decision.nearest_view_m = last.nearest_view_m;
   decision.tracking = last.tracking;
+  // The goal is where the camera will be after a fixed time, so it goes on with it.
+  if (decision.goal_m) *decision.goal_m += in.step.camera.velocity_mps * in.step.move_s;
   travel(in, velocity_by(in.step, last.tracking, in.desired_m), decision);
   turn(in, decision);
   return decision;

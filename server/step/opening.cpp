@@ -1,6 +1,7 @@
 #include "server/step/opening.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "server/move/framing.h"
 #include "server/step/far_apart.h"
@@ -36,6 +37,11 @@ bool target_jumped(const StepInput& input, const std::vector<TargetPast>& before
   return false;
 }
 
+uint64_t number_of_decision(const StepInput& input, double clock_s) {
+  const double every_s = input.settings.move.decide_every_s;
+  return every_s > 0 && !follows_paper(input) ? static_cast<uint64_t>(clock_s / every_s) : input.tick;
+}
+
 // What the last decision did not know of is decided at once.
 bool decides(const StepInput& input, const CarriedState& carried, const TargetsNow& targets, const Opening& opening) {
   const DecisionInForce& last = carried.in_force;
@@ -43,7 +49,9 @@ bool decides(const StepInput& input, const CarriedState& carried, const TargetsN
   const bool asked_anew = !carried.shot.is_set || opening.shot.frame.number != carried.shot.frame.number || opening.shot.target_set != carried.shot.target_set;
   if (!std::ranges::equal(targets.ids, last.target_ids)) return true;
   if (asked_anew || opening.target_jumped || opening.shot.cut_s > 0 || !std::ranges::equal(opening.given_up, carried.given_up)) return true;
-  return last.age_s + 1.5 * opening.move_s >= input.settings.move.decide_every_s;
+  // At multiples of the time on the session's own clock, so that what was decided before does not matter.
+  const double every_s = input.settings.move.decide_every_s;
+  return every_s <= 0 || std::floor((last.clock_s + opening.move_s) / every_s) > std::floor(last.clock_s / every_s);
 }
 
 }  // namespace
@@ -58,6 +66,7 @@ void open_step(const StepInput& input, const CarriedState& carried, TargetsNow& 
   opening.zoom = zoom_of(input, carried.zoom);
   opening.shot = shot_in_force(input, targets, carried);
   opening.decides = decides(input, carried, targets, opening);
+  opening.decision = number_of_decision(input, carried.in_force.clock_s + opening.move_s);
   opening.decision_s = opening.move_s > 0 ? carried.in_force.age_s + opening.move_s : 0.0;
   place_in_picture(input, opening.shot, carried.turn.angles.yaw_rad, targets);
 }

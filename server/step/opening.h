@@ -12,6 +12,7 @@ struct Opening {
   double move_s = 0.0;
   bool decides = true;      // as in StepContext
   double decision_s = 0.0;
+  uint64_t decision = 0;
   ZoomState zoom;
   WantedShot shot;
   TargetIds given_up;

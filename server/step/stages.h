@@ -32,7 +32,8 @@ struct StepContext {
   double move_s = 0.0;        // time that the camera moves for; 0: paused
   bool decides = true;        // false: the last decision is carried out further (tracking.h)
   double decision_s = 0.0;    // the time that the camera moves for since the last decision, with this step; 0: paused
-  uint64_t decision = 0;      // number of this decision
+  uint64_t decision = 0;      // number of this decision, which does not depend on how many there were
+  double clock_s = 0.0;       // the time that the camera has moved for since the session opened, with this step
 
   size_t target_count() const { return input.targets.size(); }
   double roll_rad() const { return input.shot && input.settings.move.follow == Follow::kOffset ? input.shot->roll_rad : 0.0; }  // as asked for

@@ -76,11 +76,11 @@ struct Stepper::Work {
   MoveScratch move;
   CutScratch cut;
 
-  StepContext context(const TargetsNow& targets, const CameraState& camera, uint64_t decision) const {
+  StepContext context(const TargetsNow& targets, const CameraState& camera, const DecisionInForce& last) const {
     Lens lens = input->lens;
     lens.vertical_fov_rad = opening.zoom.vertical_fov_rad;
     return {.input = *input, .targets = targets, .camera = camera, .lens = lens, .move_s = opening.move_s, .decides = opening.decides,
-            .decision_s = opening.decision_s, .decision = decision};
+            .decision_s = opening.decision_s, .decision = opening.decision, .clock_s = last.clock_s + opening.move_s};
   }
   StageTimer time(const StageClock& clock, Stage stage) { return {clock, stage, stage_ns}; }
 };
@@ -108,7 +108,7 @@ MapOrder Stepper::begin(const StepInput& input, const StageClock& clock) {
   work.input.emplace(input);
   work.stage_ns.fill(0);
   open_step(input, carried, dump_.targets, work.opening);
-  const StepContext step = work.context(dump_.targets, carried.camera, carried.in_force.decisions);
+  const StepContext step = work.context(dump_.targets, carried.camera, carried.in_force);
   dump_.decided = step.decides;
   {  // 1. Where can the camera be soon?
     const StageTimer timer = work.time(clock, Stage::kBound);
@@ -130,7 +130,7 @@ MapOrder Stepper::begin(const StepInput& input, const StageClock& clock) {
 
 StepResult Stepper::finish(const StageClock& clock) {
   Work& work = *work_;
-  const StepContext step = work.context(dump_.targets, carried_.camera, carried_.in_force.decisions);
+  const StepContext step = work.context(dump_.targets, carried_.camera, carried_.in_force);
   const TakenMaps taken{dump_.plan, dump_.maps, work.input->settings.aggregate};
   // Nothing can fail from here on, so the changes of `begin` are stored now.
   carried_.zoom = work.opening.zoom;
@@ -194,9 +194,9 @@ StepResult Stepper::finish(const StageClock& clock) {
 // A paused step decides, but time does not pass.
 void Stepper::keep_decision(const StepContext& step) {
   DecisionInForce& kept = carried_.in_force;
+  kept.clock_s += step.move_s;
   if (!step.decides) return static_cast<void>(kept.age_s += step.move_s);
   const Decision& decision = dump_.decision;
-  ++kept.decisions;
   if (step.move_s > 0) {
     kept.age_s = 0.0, kept.is_due = decision.cut;
     kept.tracking = decision.tracking;

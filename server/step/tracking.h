@@ -47,7 +47,7 @@ struct Tracking {
 // The last decision, as far as later steps need it.
 struct DecisionInForce {
   double age_s = 0.0;      // the time that the camera has moved for since
-  uint64_t decisions = 0;  // since the session opened
+  double clock_s = 0.0;    // the time that it has moved for since the session opened
   bool is_due = true;      // the next step decides, however young the last decision is
   Tracking tracking;
   MoveStatus status = MoveStatus::kHolding;

@@ -11,8 +11,8 @@
 namespace sightline {
 namespace {
 
-// A shot is chosen in every fourth step only, because it is meant to hold for seconds.
-constexpr uint64_t kStepsPerChoice = 4;
+// A shot is chosen no more often, seconds, because it is meant to hold for seconds.
+constexpr double kChoiceEveryS = 4.0 / 60;
 // The results are used once the search has run for this share of its memory time.
 constexpr double kKnownShare = 0.5;
 // While the targets move, the client's shot is taken again when at most this share of them has been hidden there for so long. Without it, the
@@ -54,6 +54,10 @@ glm::dvec3 looking_point_m(const Instance& instance, CounterRandom& random) {
   return transform_point(instance.world_from_instance, glm::dvec3(box.center()) + from_center);
 }
 
+bool is_due(const StepContext& step) {
+  return std::floor(step.clock_s / kChoiceEveryS) > std::floor((step.clock_s - step.decision_s) / kChoiceEveryS);
+}
+
 void choose_viewpoint(const StepContext& step, const ViewpointMap& viewpoints, WantedShot& shot) {
   MoveSettings settings = step.input.settings.move;
   const bool stand = targets_stand(step);
@@ -68,7 +72,7 @@ void choose_viewpoint(const StepContext& step, const ViewpointMap& viewpoints, W
   wish.asked_place = shot.asked_viewpoint = viewpoints.nearest_viewpoint(wish.asked_m);
   wish.former_place = shot.viewpoint.value_or(shot.asked_viewpoint);
   const bool is_seen = hidden_round_about(viewpoints, step.targets.tracked_targets, shot.asked_viewpoint) <= kAskedIsGoodBelow;
-  shot.asked_seen_s = is_seen ? shot.asked_seen_s + kStepsPerChoice * step.decision_s : 0.0;
+  shot.asked_seen_s = is_seen ? shot.asked_seen_s + kChoiceEveryS : 0.0;
   const bool is_good = !stand && shot.asked_seen_s >= kAskedIsGoodS;
   wish.take_asked_below = is_good ? kAskedIsGoodBelow : keep_shot_below;
   shot.viewpoint = choose_shot(viewpoints, step.targets.tracked_targets, wish, settings, std::cref(allowed));
@@ -144,7 +148,7 @@ void search_viewpoints(const StepContext& step, const TakenMaps& taken, Viewpoin
   viewpoints.follow(step.targets.ids, viewpoint_distance_m(step, shot));
   viewpoints.learn(look.target, taken.maps.subspan(look.maps.first, look.maps.count), step.center_m(),
                    taken.settings.relative_bias, step.decision_s * static_cast<double>(step.target_count()), memory_s);
-  if (knows_viewpoints(step, viewpoints) && step.decision % kStepsPerChoice == 0) choose_viewpoint(step, viewpoints, shot);
+  if (knows_viewpoints(step, viewpoints) && is_due(step)) choose_viewpoint(step, viewpoints, shot);
   if (!shot.viewpoint) return;
   // Viewpoints are coarse. If the client's nearest viewpoint is chosen, the camera takes exactly the client's shot.
   shot.offset_m =

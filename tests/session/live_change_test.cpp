@@ -208,6 +208,7 @@ TEST(LiveChange, TheSameSettingsAgainChangeNothing) {
 TEST(LiveChange, ResolutionAndDensityHoldFromTheVeryStepOn) {
   Walk walk;
   StepSettings settings = walk.game.session->settings();
+  settings.move.decide_every_s = 0;
   for (const int resolution : {7, 31, 3, 64, 5}) {
     settings.sample.resolution = resolution, settings.aggregate.candidates = 27 * resolution;
     walk.play(settings);
@@ -223,6 +224,7 @@ TEST(LiveChange, ResolutionAndDensityHoldFromTheVeryStepOn) {
 TEST(LiveChange, SurfacePointsComeAndGo) {
   Walk walk;
   StepSettings settings = walk.game.session->settings();
+  settings.move.decide_every_s = 0;
   for (const int points : {0, 8, 0, 3}) {
     settings.sample.points = points;
     walk.play(settings);

@@ -52,10 +52,9 @@ Filmed filmed(double rate_hz, double decide_every_s, double duration_s = 12) {
 TEST(Pace, TheNumberOfDecisionsDoesNotGrowWithTheRateOfTheTicks) {
   for (const double rate_hz : {60.0, 72.0, 90.0, 120.0, 144.0, 240.0, 1000.0}) {
     const double decided_hz = filmed(rate_hz, 0.033, 3).decisions / 3.0;
-    EXPECT_GE(decided_hz, 24) << rate_hz;
-    EXPECT_LE(decided_hz, 37) << rate_hz;
+    EXPECT_NEAR(decided_hz, 1 / 0.033, 1.0) << rate_hz;
   }
-  for (const double rate_hz : {10.0, 30.0, 40.0}) EXPECT_EQ(filmed(rate_hz, 0.033, 3).decisions, static_cast<int>(3 * rate_hz)) << "slow ticks all decide";
+  for (const double rate_hz : {10.0, 20.0, 30.0}) EXPECT_EQ(filmed(rate_hz, 0.033, 3).decisions, static_cast<int>(3 * rate_hz)) << "slow ticks all decide";
   EXPECT_EQ(filmed(144, 0.0, 3).decisions, 3 * 144);
 }
 

@@ -118,6 +118,7 @@ TEST(Reasons, WhatIsSaidOfSightFromTheGoalIsSo) {
       const bool other = shot.other_viewpoint() || shot.in_line_m;
       const std::string where = "seed " + std::to_string(seed) + ", tick " + std::to_string(i);
       ++given[result.reason];
+      if (!walk.world().dump().decided) continue;  // what was said at the last decision
       switch (result.reason) {
         case MoveReason::kAtDesiredPlace:
         case MoveReason::kOtherShot:
