@@ -236,7 +236,7 @@ void Session::fill_update(const TickInput& tick, const IdsAfter& ids) {
                                   : before ? before->pose.rotation
                                            : Pose{}.rotation;
     }
-    if (before && tick.world_shift_m != glm::dvec3(0.0)) stay_if_rounded(*before, tick.world_shift_m, update_.poses[i].position_m);
+    if (before && (tick.world_shift_m != glm::dvec3(0.0) || options_.convention.origin_m != glm::dvec3(0.0))) stay_if_rounded(*before, tick.world_shift_m, update_.poses[i].position_m);
     add_motion(sent.ids[i], before, update_.poses[i],
                {derives ? nullptr : &sent.velocities_mps[i], derives_turns ? nullptr : &sent.angular_velocities_radps[i]}, dt_s);
   }
@@ -332,12 +332,12 @@ void Session::hold(const std::vector<std::shared_ptr<const SceneAsset>>& assets)
 void Session::remember_motion(const TickInput& tick, double dt_s) {
   for (const uint64_t id : tick.delta.remove) tracks_.erase(id);
   for (auto& [id, track] : new_tracks_) tracks_.insert_or_assign(id, track);
-  const bool derives = tick.transforms.velocities_mps.empty(), derives_turns = tick.transforms.angular_velocities_radps.empty();
+  const bool derives = tick.transforms.velocities_mps.empty();
   if (derives && dt_s <= 0) return;
   derived_moving_.clear();
   const glm::dvec3 none(0.0);
   for (size_t i = 0; i < update_.ids.size(); ++i)
-    if ((derives && update_.velocities_mps[i] != none) || (derives_turns && update_.angular_velocities_radps[i] != none) || update_.corrections_m[i] != none)
+    if ((derives && (update_.velocities_mps[i] != none || update_.angular_velocities_radps[i] != none)) || update_.corrections_m[i] != none)
       derived_moving_.push_back(update_.ids[i]);
   former_ids_ = update_.ids;
 }

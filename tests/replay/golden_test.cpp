@@ -18,8 +18,8 @@
 namespace sightline {
 namespace {
 
-constexpr uint64_t kEmbreeHash = 0x1e525f68ac82049e;
-constexpr uint64_t kLlvmpipeHash = 0x1e525f68ac82049e;
+constexpr uint64_t kEmbreeHash = 0x540349305204672f;
+constexpr uint64_t kLlvmpipeHash = 0x540349305204672f;
 
 std::string golden_path() {
   return SIGHTLINE_SOURCE_DIR "/tests/replay/golden/hall.mcap";

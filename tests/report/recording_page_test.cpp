@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <span>
 
 #include "client/report/digest.h"
 #include "client/report/report_command.h"
@@ -86,8 +87,10 @@ class ReportPage : public testing::Test {
     return found;
   }
 
-  static size_t frames_with_cells(const SessionPage& page) {
-    return static_cast<size_t>(std::ranges::count_if(page.frames, [](const PageFrame& f) { return !f.cells.empty(); }));
+  // Among the first `count` frames. Only decisions have cells.
+  static size_t frames_with_cells(const SessionPage& page, size_t count = SIZE_MAX) {
+    const auto frames = std::span(page.frames).first(std::min(count, page.frames.size()));
+    return static_cast<size_t>(std::ranges::count_if(frames, [](const PageFrame& f) { return !f.cells.empty(); }));
   }
 
   static std::string figure(const SessionPage& page, const std::string& name) {
@@ -270,7 +273,7 @@ TEST_F(ReportPage, CellsEndWhereTheRecordingDiffersFromTheStepsTakenAgain) {
     if (reply.sequence() == 100)
       reply.mutable_pose()->mutable_position()->set_x(reply.pose().position().x() + 1e-9);
   }));
-  EXPECT_EQ(frames_with_cells(page), 99u);
+  EXPECT_EQ(frames_with_cells(page), frames_with_cells(page_of(yard.bytes), 99));
   EXPECT_THAT(page.notices, ElementsAre(HasSubstr("differ from the recording from tick 100 on")));
 }
 
@@ -280,7 +283,7 @@ TEST_F(ReportPage, ALevelOfEconomyThatThereIsNotEndsTheCells) {
     const SessionPage page = page_of(rewritten(yard.bytes, [&](v1::CameraReply& reply) {
       if (reply.sequence() == 10) reply.mutable_degradation()->set_quality_level(level);
     }));
-    EXPECT_EQ(frames_with_cells(page), 9u) << level;
+    EXPECT_EQ(frames_with_cells(page), frames_with_cells(page_of(yard.bytes), 9)) << level;
   }
 }
 
@@ -509,7 +512,7 @@ TEST_F(ReportPage, AMissingSceneLeavesWhatIsKnown) {
   ASSERT_EQ(page.frames.size(), 30u);
   EXPECT_THAT(page.notices, Contains(HasSubstr("A scene file is missing")));
   EXPECT_EQ(frames_with_cells(page), 0u);
-  EXPECT_EQ(frames_with_cells(whole), 30u);
+  EXPECT_NEAR(static_cast<double>(frames_with_cells(whole)), 15, 2) << "every second reply is of a decision";
   ASSERT_EQ(page.targets.size(), whole.targets.size());
   for (size_t k = 0; k < page.targets.size(); ++k) {
     EXPECT_EQ(page.targets[k].name, whole.targets[k].name);

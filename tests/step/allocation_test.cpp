@@ -238,7 +238,7 @@ TEST_P(Allocation, ThereIsNoneInTenThousandSteadySteps) {
   yard.step(kRoundSteps, false, true);
   EXPECT_GT(yard.play_without_sight(600), 300);
   yard.set_size(candidates, resolution);
-  yard.step(20'000, false, true);  // the camera takes another way in each round
+  yard.step(40'000, false, true);  // the camera takes another way in each round
   const int seen_before = yard.steps_with(TrackingStatus::kTracking);
   EXPECT_EQ(yard.step(10'000, false, true), 0u);
   const int seen = yard.steps_with(TrackingStatus::kTracking) - seen_before;

@@ -73,6 +73,7 @@ class QualityOfSteps : public testing::Test {
   Game make_game(const StepSettings& settings = preset_settings(Preset::kSightline)) {
     return Game([&](SessionOptions& options) {
       options.settings = settings;
+      options.settings.move.decide_every_s = 0;  // so that every step does all of its work
       options.extents = &extents_;
     });
   }

@@ -545,7 +545,8 @@ type ShotReport struct {
 	HiddenTarget uint64 `protobuf:"fixed64,10,opt,name=hidden_target,json=hiddenTarget,proto3" json:"hidden_target,omitempty"`
 	// Id of the instance that hid it last; 0: none.
 	HiddenBy uint64 `protobuf:"fixed64,9,opt,name=hidden_by,json=hiddenBy,proto3" json:"hidden_by,omitempty"`
-	// In a session without a Shot: where the targets stay in the picture because they were there in the first one; 0: in the middle. As Shot.Place.x.
+	// Where all targets together are wanted in the picture: as Shot.places says with the id 0, or, in a session without a Shot, where they were in the first picture; 0: in the
+	// middle. As Shot.Place.x.
 	PlaceX float64 `protobuf:"fixed64,11,opt,name=place_x,json=placeX,proto3" json:"place_x,omitempty"`
 	// As Shot.Place.y.
 	PlaceY float64 `protobuf:"fixed64,12,opt,name=place_y,json=placeY,proto3" json:"place_y,omitempty"`

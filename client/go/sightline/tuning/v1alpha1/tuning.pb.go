@@ -742,7 +742,7 @@ type MoveSettings struct {
 	// The angle by which a turning target is expected to turn. MIN_COST only.
 	TurnRad *float64 `protobuf:"fixed64,6,opt,name=turn_rad,json=turnRad,proto3,oneof" json:"turn_rad,omitempty"`
 	// The time between two decisions. A decision looks at every candidate and plans the coming second; in the ticks between, the camera goes on by the last one, with
-	// the newest poses. The tick that is nearest to the time decides. 0: every tick decides. Long: it reacts late, and its plans are rough. MIN_COST only.
+	// the newest poses. The first tick after each multiple of the time decides. 0: every tick decides. Long: it reacts late, and its plans are rough. MIN_COST only.
 	DecideEveryS *float64 `protobuf:"fixed64,10,opt,name=decide_every_s,json=decideEveryS,proto3,oneof" json:"decide_every_s,omitempty"`
 	// The middle of a group to which the strategy ROBUST goes.
 	RobustGoal    RobustGoal `protobuf:"varint,7,opt,name=robust_goal,json=robustGoal,proto3,enum=sightline.tuning.v1alpha1.RobustGoal" json:"robust_goal,omitempty"`
