@@ -399,7 +399,7 @@ class PageTest(Browsing):
     def test_the_cells_drawn_are_those_that_the_step_looked_at(self):
         for frame in (5, 100):
             self.go(frame)
-            self.assertEqual(self.text("cells_of"), str(frame))
+            self.assertIn(int(self.text("cells_of")), (frame - 1, frame))  # of the last decision
             self.assertEqual(self.view()["cells"], int(self.rows[frame]["candidates"]))
 
     def test_the_picture_is_the_last_one_taken(self):
