@@ -16,6 +16,8 @@ constexpr double kTouchM = 1e-9;
 constexpr double kLeastAdvanceM = 1e-7;
 // The distance that a camera can move before static colliders are gathered again.
 constexpr double kGatheredFartherM = 4.0;
+// There is memory for so many moving colliders from the start. A camera that meets more of them than before does not allocate in the middle of a game.
+constexpr size_t kExpectedMovers = 256;
 
 glm::dvec3 closest_on_segment(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b) {
   const glm::dvec3 ab = b - a;
@@ -229,9 +231,7 @@ void ClearanceField::gather_standing(const SceneMirror& mirror, const glm::dvec3
 void ClearanceField::gather(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m,
                             std::span<const uint32_t> ignored_slots) {
   gather_standing(mirror, center_m, reach_m, ignored_slots);
-  moving_.clear();
-  for (const uint32_t slot : mirror.moving_slots())
-    add_if_near(mirror, slot, center_m, reach_m, ignored_slots, 0.0, moving_);
+  add_movers(mirror, center_m, reach_m, ignored_slots, 0.0);
   list_spheres(center_m, reach_m);
 }
 
@@ -240,10 +240,16 @@ void ClearanceField::gather_movers(const SceneMirror& mirror, const glm::dvec3& 
   standing_.clear();
   stands_listed_ = false;
   gathered_ = {};
-  moving_.clear();
-  for (const uint32_t slot : mirror.moving_slots())
-    add_if_near(mirror, slot, center_m, reach_m, ignored_slots, ahead_s, moving_);
+  add_movers(mirror, center_m, reach_m, ignored_slots, ahead_s);
   list_spheres(center_m, reach_m);
+}
+
+void ClearanceField::add_movers(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m,
+                                std::span<const uint32_t> ignored_slots, double ahead_s) {
+  const std::span<const uint32_t> slots = mirror.moving_slots();
+  moving_.clear();
+  moving_.reserve(std::min(slots.size(), kExpectedMovers));
+  for (const uint32_t slot : slots) add_if_near(mirror, slot, center_m, reach_m, ignored_slots, ahead_s, moving_);
 }
 
 void ClearanceField::list_spheres(const glm::dvec3& center_m, double reach_m) {
@@ -251,7 +257,10 @@ void ClearanceField::list_spheres(const glm::dvec3& center_m, double reach_m) {
   const size_t count = standing_.size() + moving_.size();
   // Static colliders are mostly in the lists already.
   const size_t first = stands_listed_ ? standing_.size() : 0;
-  for (std::vector<double>* each : {&x_m_, &y_m_, &z_m_, &radius_m_}) each->resize(count);
+  for (std::vector<double>* each : {&x_m_, &y_m_, &z_m_, &radius_m_}) {
+    each->reserve(standing_.size() + moving_.capacity());
+    each->resize(count);
+  }
   for (size_t index = first; index < count; ++index) {
     const Collider& collider = at(index);
     x_m_[index] = collider.center_m.x, y_m_[index] = collider.center_m.y, z_m_[index] = collider.center_m.z;

@@ -90,6 +90,8 @@ class ClearanceField {
                        std::span<const uint32_t> ignored_slots);
   static void add_if_near(const SceneMirror& mirror, uint32_t slot, const glm::dvec3& center_m, double reach_m,
                           std::span<const uint32_t> ignored_slots, double ahead_s, std::vector<Collider>& into);
+  void add_movers(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m, std::span<const uint32_t> ignored_slots,
+                  double ahead_s);
   void list_spheres(const glm::dvec3& center_m, double reach_m);
   // Counts tests; false when none is left.
   bool take(uint64_t tests) const {
