@@ -21,7 +21,7 @@ ViewAngles best_aim(const glm::dvec3& eye_m, std::span<const TrackedTarget> targ
                     const Lens& lens) {
   FramingSettings framing;
   framing.dead_zone = 0.0;
-  return aim_at(eye_m, targets, present, lens, framing).angles;
+  return aim_at(eye_m, targets, present, lens, {.framing = framing}).angles;
 }
 
 std::vector<TrackedTarget> tracked_targets(const ScenarioWorld& world) {

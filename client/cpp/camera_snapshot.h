@@ -55,7 +55,7 @@ class CameraSnapshot {
   v1::OpenSession first_;  // with the newest shot
   std::map<uint64_t, Change> changes_;
   uint64_t orders_ = 0;
-  v1::Tick terms_;  // targets, lens, settings, limits and tuning that replace those of the opening, and how far the world was shifted since
+  v1::Tick terms_;  // the newest targets, lens, settings, limits and tuning, and how far the world has been shifted since the opening
   double time_s_ = 0.0;
   std::optional<v1::ObservedCamera> camera_;
   std::optional<v1::ShotReport> kept_;  // of the newest reply

@@ -77,7 +77,7 @@ class LiveCamera {
   // The camera to draw between ticks, at a game time near the newest tick's. Never waits.
   Result<LiveView> sample(double time_s, const Drawn& drawn = {});
 
-  // What the daemon said when it opened the session, the last time that one did; nothing: none did so far.
+  // The answer of the daemon that opened the session last; nothing before the first.
   std::optional<v1::SessionOpened> opened() const;
   // As those of Camera.
   size_t resyncs() const;

@@ -21,7 +21,7 @@ internal sealed class Snapshot {
     readonly OpenSession opening;
     readonly List<ulong> order = new List<ulong>();  // of the first change
     readonly Dictionary<ulong, Change> changes = new Dictionary<ulong, Change>();
-    readonly Tick terms = new Tick();  // targets, lens, settings, limits and tuning that replace those of the opening, and how far the world was shifted since
+    readonly Tick terms = new Tick();  // the newest targets, lens, settings, limits and tuning, and how far the world has been shifted since the opening
     double timeS;
     ObservedCamera camera;
     ShotReport kept;  // of the newest reply

@@ -92,7 +92,7 @@ void RaycastPolicy::travel(const Choice& choice, double dt_s) {
   }
   camera_.velocity_mps = make_safe(camera_, wanted, site_.limits, lens_, colliders_, dt_s).velocity_mps;
   camera_.pose.position_m += camera_.velocity_mps * dt_s;
-  const Aim aim = aim_at(camera_.pose.position_m, views_, turn_.angles, lens_, settings_.framing);
+  const Aim aim = aim_at(camera_.pose.position_m, views_, turn_.angles, lens_, {.framing = settings_.framing});
   turn_ = turn_towards(turn_, aim.angles, site_.limits, settings_.framing.aim_response_s, dt_s);
   camera_.pose.rotation = rotation_from_angles(turn_.angles);
 }

@@ -26,7 +26,7 @@ type snapshot struct {
 	first   *v1.OpenSession
 	changes map[uint64]*change
 	order   []uint64 // the keys of changes, in the order of the first change
-	terms   *v1.Tick // targets, lens, settings, limits and tuning that replace those of the opening, and how far the world was shifted since
+	terms   *v1.Tick // the newest targets, lens, settings, limits and tuning, and how far the world has been shifted since the opening
 	timeS   float64
 	camera  *v1.ObservedCamera
 	kept    *v1.ShotReport // of the newest reply

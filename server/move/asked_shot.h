@@ -42,7 +42,7 @@ struct AskedShot {
   double lead_room = 0.0;               // share of half the picture's width, [0, 0.9]
   bool lead_by_heading = false;         // by where the subject faces, not by where it goes
   double roll_rad = 0.0;                // as ViewAngles::roll_rad, within +-pi/4
-  double min_vertical_fov_rad = 0.0, max_vertical_fov_rad = 0.0;  // the lens range; 0: that of the settings
+  double min_vertical_fov_rad = 0.0, max_vertical_fov_rad = 0.0;  // the lens range; 0: the settings give it
   double weight = 1.0;     // factor of MoveSettings::keep_shot, [0, 10]
   double tolerance = 1.0;  // how wide the free bands of its properties are (picture_worth.h), [0, 3]
   bool cut = false;

@@ -48,8 +48,8 @@ void include_sphere(const glm::dvec3& middle_m, double radius_m, Extents& out) {
   out.y.include(std::atan2(middle_m.y, -middle_m.z), angle_of_radius(radius_m, std::hypot(middle_m.y, middle_m.z)));
 }
 
-// A body about its vertical axis. Its highest and lowest points in the picture are on the rims of its ends, towards the camera and away from it; in a picture that
-// leans, to its sides as well.
+// A body about its vertical axis. Its highest and lowest points in the picture are on the rims of its ends, towards the camera and away from it. In a picture that
+// leans, they may also be at the sides of the rims.
 void include_body(const TrackedTarget& target, const glm::dvec3& middle_m, const glm::dquat& camera_from_world, bool leans, Extents& out) {
   const glm::dvec3 up = camera_from_world * glm::dvec3(0, 1, 0), level = up * up.z - glm::dvec3(0, 0, 1);
   const glm::dvec3 away = level / std::max(glm::length(level), 1e-9);

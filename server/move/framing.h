@@ -24,17 +24,16 @@ inline Lens widest(Lens lens, const FramingSettings& settings) {
 
 // How the picture is to be composed.
 struct AimRules {
-  FramingSettings framing;
-  std::optional<glm::dvec2> dead_zone = {};      // by axis, in halves of the picture; empty: FramingSettings::dead_zone for both
-  double roll_rad = 0.0;                         // of the aim
-  std::optional<double> fixed_yaw_rad = {};      // the yaw that the camera keeps, for views from above; the aim is by the pitch alone
-
-  AimRules(const FramingSettings& settings) : framing(settings) {}  // NOLINT: plain settings are rules
+  FramingSettings framing = {};
+  std::optional<glm::dvec2> dead_zone = {};  // by axis, in halves of the picture, [0, 0.9]; empty: FramingSettings::dead_zone for both
+  glm::dvec2 soft_zone{0.0};                 // the same, where the camera hurries; 0: nowhere. aim_at does not look at it
+  double roll_rad = 0.0;                     // of the aim, within +-pi/4
+  std::optional<double> fixed_yaw_rad = {};  // the yaw that the camera keeps, for views from above; the aim is by the pitch alone
 };
 
 struct Aim {
   ViewAngles angles;
-  glm::dvec2 off_half_pictures{0.0};  // how far the present view is from the aim without a dead zone, by axis, in halves of the picture; >= 0
+  glm::dvec2 off_half_pictures{0.0};  // how far the present view is from the aim without a dead zone: of yaw and pitch, in halves of the picture; >= 0
   double vertical_fov_rad = 0.0;  // what shows the group with the margin, within the zoom range
   bool fits = true;               // every required target is inside the picture
 };
@@ -42,7 +41,7 @@ struct Aim {
 // The aim from `eye_m`. It brings the steered targets as near as possible to their places in the picture, by weight; without any place, their
 // weighted mean to the middle. It is moved as little as needed so that the bodies of all required
 // targets are inside the picture, or their spheres where no body is known. When they do not fit, it is at their middle. `present` gives
-// the yaw of a vertical aim, and is returned for aims in the dead zone around it, as far as the bodies are inside the picture then. At least one target must be steered.
+// the yaw of a vertical aim, and is returned for aims in the dead zone around it, if the bodies are inside the picture then. At least one target must be steered.
 Aim aim_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& present,
            const Lens& lens, const AimRules& rules);
 

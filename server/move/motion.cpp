@@ -92,7 +92,7 @@ glm::dvec3 within_speed(const CameraState& camera, const glm::dvec3& wanted, con
   return fading + low * (wanted - fading);
 }
 
-// The rate of the roll towards that of the aim: at most `most_radps`, braking in time, and changed by at most `a` dt.
+// The rate at which the camera rolls towards the aim: at most `most_radps`, braking in time, and changed by at most `a` dt.
 double roll_rate_after(const TurnState& state, double aim_rad, double most_radps, double a, double response_s, double dt_s) {
   const double error = wrap_angle(aim_rad - state.angles.roll_rad), size = std::abs(error);
   double wanted = std::min(approach_speed(size, kBrakeShare * a, dt_s), most_radps);

@@ -72,8 +72,8 @@ struct TurnState {
 // It always brakes in time for the pole; the yaw gets the remaining acceleration. Only limits that are lowered during a turn
 // can make that impossible. Then the acceleration limit yields to the pole, and the speed limit to the acceleration limit.
 //
-// `response_s`: time to close 99 % of an error where the limits allow, seconds; 0 = as fast as they allow. The roll approaches that of the aim with what is left
-// of max_angular_speed, and its rate changes within max_angular_acceleration by itself.
+// `response_s`: time to close 99 % of an error where the limits allow, seconds; 0 = as fast as they allow. The camera rolls towards the aim with what is left
+// of max_angular_speed. The rate of the roll changes within max_angular_acceleration, apart from the other two.
 TurnState turn_towards(const TurnState& state, const ViewAngles& aim, const CameraLimits& limits,
                        double response_s, double dt_s);
 

@@ -267,7 +267,7 @@ Pose ViewerChannels::place_of(uint64_t id, const SessionSnapshot::Instance& inst
   const auto& r = instance.rotation;
   if (instance.turned) pose.rotation = glm::normalize(glm::dquat(r[3], r[0], r[1], r[2]));
   Convention then = client_;
-  if (!instance.moved && !instance.added) then.origin_m = glm::dvec3(0.0);  // told before the world was shifted
+  if (!instance.moved && !instance.added) then.origin_m = glm::dvec3(0.0);  // its pose is from before the shift
   Pose place = to_viewer(pose_from_client(then, pose));
   if (of_level && !instance.turned) place.rotation = node->second.rest.rotation;
   return place;

@@ -208,7 +208,7 @@ double Session::step_length_s(const TickInput& tick) const {
   return std::min(dt_s, kLongestStepS);
 }
 
-// What has not moved in a shifted world must not seem to have moved by the rounding of its coordinates.
+// An instance that stays must not seem to move, because coordinates round otherwise in a shifted world.
 void Session::stay_if_rounded(const Instance& before, const glm::dvec3& world_shift_m, glm::dvec3& position_m) const {
   const double rounding_m = 0x1p-48 * (glm::length(options_.convention.origin_m) + glm::length(world_shift_m) + glm::length(position_m));
   if (glm::distance(position_m, before.pose.position_m) <= rounding_m) position_m = before.pose.position_m;

@@ -187,7 +187,7 @@ class Session {
     MotionTrack motion;
     TurnTrack turn;
   };
-  // What a tick says about the motion of an instance; null: nothing.
+  // The motion of an instance as a tick gives it; null: it does not.
   struct SentMotion {
     const glm::dvec3 *velocity_mps = nullptr, *angular_velocity_radps = nullptr;
   };

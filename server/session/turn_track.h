@@ -1,7 +1,7 @@
 // How an instance turns, found from the rotations that a client sends without angular velocities.
 //
 // The angular velocity is what the last two changes of the rotation have in common, each over the time since the change before it. So noise, which turns to and fro,
-// is no turn, and a rotation that is held for several ticks, as those of physics at 30 Hz in ticks of 60 Hz, turns on at the same rate.
+// is no turn. A rotation may be held for several ticks, as physics at 30 Hz gives it in ticks of 60 Hz; the rate then stays the same.
 #pragma once
 
 #include <glm/glm.hpp>
@@ -16,7 +16,7 @@ inline constexpr double kMostTurnRadps = 1000.0;
 class TurnTrack {
  public:
   // Adds the rotation after dt_s > 0; `before` and `now` are world_from_instance, of unit length. Returns the angular velocity in radians per second, world axes. It is
-  // zero until two changes have gone the same way round, after a jump, and from when the rotation has stayed for longer than between the last two changes.
+  // zero until two changes have gone the same way round, after a jump, and as soon as the rotation has stayed for longer than between the last two changes.
   glm::dvec3 observe(double dt_s, const glm::dquat& before, const glm::dquat& now);
   // The client sent the angular velocity with the newest rotation.
   void observe_sent() { *this = TurnTrack(), sent_ = true; }

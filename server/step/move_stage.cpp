@@ -91,7 +91,7 @@ void travel(const MoveInput& in, const glm::dvec3& wanted_mps, Decision& decisio
   decision.evading = differ(evading_mps, pulled_mps);
   decision.deflected = differ(safe.velocity_mps, evading_mps);
   decision.body_overlap = safe.overlap;
-  if (safe.overlap) decision.reason = MoveReason::kBodyOverlap;
+  decision.reason = safe.overlap ? MoveReason::kBodyOverlap : decision.course_reason;
   camera = moved(camera, safe.velocity_mps, in.step.move_s);
 }
 
@@ -152,23 +152,24 @@ Aim choose_aim(const MoveInput& in, Decision& decision) {
 }
 
 // The time in which the camera answers an aim: shorter the nearer the aim is to the edge of the soft zone, and none outside.
-double aim_response_s(const StepContext& step, const Aim& aim) {
+double aim_response_s(const AimRules& rules, const Aim& aim) {
   constexpr double kHurriesFrom = 0.6;  // of the soft zone
   double calm = 1.0;
-  const glm::dvec2 soft_zone = step.input.shot ? step.input.shot->soft_zone : glm::dvec2(0.0);
   for (int axis = 0; axis < 2; ++axis)
-    if (soft_zone[axis] > 0) calm = std::min(calm, std::clamp((soft_zone[axis] - aim.off_half_pictures[axis]) / ((1 - kHurriesFrom) * soft_zone[axis]), 0.0, 1.0));
-  return calm * step.input.settings.framing.aim_response_s;
+    if (const double zone = rules.soft_zone[axis]; zone > 0)
+      calm = std::min(calm, std::clamp((zone - aim.off_half_pictures[axis]) / ((1 - kHurriesFrom) * zone), 0.0, 1.0));
+  return calm * rules.framing.aim_response_s;
 }
 
 void turn(const MoveInput& in, Decision& decision) {
   const StepContext& step = in.step;
-  const FramingSettings framing = framing_of(step.input);
+  const AimRules rules = aim_rules(step);
+  const FramingSettings& framing = rules.framing;
   CameraState& camera = decision.camera;
   Aim aim{.angles = decision.turn.angles, .vertical_fov_rad = step.lens.vertical_fov_rad};
   if (step.targets.steered != 0) aim = choose_aim(in, decision);
   const glm::dquat before = camera.pose.rotation;
-  decision.turn = turn_towards(decision.turn, aim.angles, step.input.limits, aim_response_s(step, aim), step.move_s);
+  decision.turn = turn_towards(decision.turn, aim.angles, step.input.limits, aim_response_s(rules, aim), step.move_s);
   camera.pose.rotation = rotation_from_angles(decision.turn.angles);
   const glm::dquat delta = camera.pose.rotation * glm::conjugate(before);
   camera.angular_velocity_radps =
@@ -231,7 +232,7 @@ Decision decide(const MoveInput& in, MoveScratch& scratch) {
   }
   const Course course = follows_paper(in.step.input) ? paper_course(in, scratch, decision) : flight_course(in, scratch, decision);
   decision.status = course.choice.status;
-  decision.reason = course.choice.reason;
+  decision.course_reason = course.choice.reason;
   decision.chosen_candidate = course.choice.candidate;
   travel(in, course.wanted_mps, decision);
   turn(in, decision);
@@ -243,7 +244,7 @@ Decision go_on(const MoveInput& in) {
   const DecisionInForce& last = in.carried.in_force;
   Decision decision = unmoved(in);
   decision.change = in.carried.change;
-  decision.status = last.status, decision.reason = last.reason;
+  decision.status = last.status, decision.course_reason = last.reason;
   decision.view_way_m = last.view_way_m, decision.sees_none = last.sees_none, decision.nearest_view_m = last.nearest_view_m;
   decision.tracking = last.tracking;
   // The goal is where the camera will be after a fixed time, so it goes on with it.

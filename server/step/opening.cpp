@@ -42,7 +42,7 @@ uint64_t number_of_decision(const StepInput& input, double clock_s) {
   return every_s > 0 && !follows_paper(input) ? static_cast<uint64_t>(clock_s / every_s) : input.tick;
 }
 
-// What the last decision did not know of is decided at once.
+// True where the last decision is old, or did not know what has changed since.
 bool decides(const StepInput& input, const CarriedState& carried, const TargetsNow& targets, const Opening& opening) {
   const DecisionInForce& last = carried.in_force;
   if (follows_paper(input) || last.is_due || opening.move_s <= 0 || targets.steered == 0) return true;
@@ -58,9 +58,10 @@ bool decides(const StepInput& input, const CarriedState& carried, const TargetsN
 
 void open_step(const StepInput& input, const CarriedState& carried, TargetsNow& targets, Opening& opening) {
   look_at_targets(input, targets);
-  give_up_targets(input, carried, keeps_shot(targets, carried.shot), targets, opening.given_up);
+  const bool same_targets = keeps_shot(targets, carried.shot);
+  give_up_targets(input, carried, same_targets, targets, opening.given_up);
   set_sight_weights(targets);
-  opening.target_jumped = carried.cut.target_jumped || target_jumped(input, carried.pasts);
+  opening.target_jumped = (same_targets && carried.cut.target_jumped) || target_jumped(input, carried.pasts);
   observe_targets(input, carried.pasts, opening.pasts);
   opening.move_s = std::min(input.dt_s, kMaxStepS);
   opening.zoom = zoom_of(input, carried.zoom);

@@ -128,7 +128,6 @@ void plan_sights_ahead(SamplePlan& plan) {
 }
 
 void plan_flight_maps(const SampleInput& in, SampleScratch& scratch, SamplePlan& plan) {
-  plan.pair.needs_lattice = plan.pair.asked;
   const glm::dvec2 jitter = pick_points(in, kForecastS, kOfPoints, scratch, plan);
   plan_maps(in, jitter, plan.now, plan);
   plan_sights(in.step, plan);

@@ -161,6 +161,13 @@ void request_all(const SampleInput& in, SamplePlan& plan) {
   request_look(in, plan);
 }
 
+PairPlan pair_plan(const StepContext& step) {
+  PairPlan pair{.asked = step.input.settings.aggregate.volume == Volume::kPair};
+  pair.needs_two = pair.asked && step.target_count() < 2;
+  pair.needs_lattice = pair.asked && !follows_paper(step.input);  // only candidates that keep their places can be planned with
+  return pair;
+}
+
 void clear(SamplePlan& plan) {
   plan.views.clear();
   plan.now.clear();
@@ -199,8 +206,7 @@ glm::dvec2 pick_points(const SampleInput& in, double most_ahead_s, size_t of_poi
 
 void plan_sample(const SampleInput& in, SampleScratch& scratch, SamplePlan& plan) {
   clear(plan);
-  plan.pair = {.asked = in.step.input.settings.aggregate.volume == Volume::kPair};
-  plan.pair.needs_two = plan.pair.asked && in.step.target_count() < 2;
+  plan.pair = pair_plan(in.step);
   if (follows_paper(in.step.input))
     plan_paper_maps(in, scratch, plan);
   else
@@ -211,7 +217,7 @@ void plan_sample(const SampleInput& in, SampleScratch& scratch, SamplePlan& plan
 
 void plan_sights_alone(const SampleInput& in, SampleScratch& scratch, SamplePlan& plan) {
   clear(plan);
-  plan.pair = {}, plan.look = {};
+  plan.pair = pair_plan(in.step), plan.look = {};
   plan.cut.due = false, plan.cut.places.clear();
   pick_points(in, kForecastS, 0, scratch, plan);
   plan_sights(in.step, plan);

@@ -36,9 +36,16 @@ double eased(double share) {
   return t * t * (3 - 2 * t);
 }
 
-const AskedShot& asked_of(const StepInput& input) {
+const AskedShot& no_shot() {
   static const AskedShot none;
-  return input.shot ? *input.shot : none;
+  return none;
+}
+const AskedShot& asked_of(const StepInput& input) {
+  return input.shot ? *input.shot : no_shot();
+}
+// The shot by which the picture is composed: none for a camera that stays where it is.
+const AskedShot& composed_by(const StepInput& input) {
+  return input.settings.move.follow == Follow::kOffset ? asked_of(input) : no_shot();
 }
 
 using Subjects = InlineVector<TrackedTarget, kMaxShotSubjects>;
@@ -252,7 +259,7 @@ void place_in_picture(const StepInput& input, const WantedShot& shot, double cam
 
 FramingSettings framing_of(const StepInput& input) {
   FramingSettings framing = input.settings.framing;
-  const AskedShot& asked = asked_of(input);
+  const AskedShot& asked = composed_by(input);
   if (asked.max_vertical_fov_rad > 0) framing.min_vertical_fov_rad = asked.min_vertical_fov_rad, framing.max_vertical_fov_rad = asked.max_vertical_fov_rad;
   return framing;
 }
@@ -260,7 +267,7 @@ FramingSettings framing_of(const StepInput& input) {
 namespace {
 
 bool zooms_for_size(const StepInput& input) {
-  const AskedShot& asked = asked_of(input);
+  const AskedShot& asked = composed_by(input);
   return asked.size && asked.max_vertical_fov_rad > 0;
 }
 
@@ -268,7 +275,7 @@ bool zooms_for_size(const StepInput& input) {
 
 Lens shot_lens(const StepInput& input) {
   Lens lens = input.lens;
-  const AskedShot& asked = asked_of(input);
+  const AskedShot& asked = composed_by(input);
   if (zooms_for_size(input)) lens.vertical_fov_rad = std::clamp(lens.vertical_fov_rad, asked.min_vertical_fov_rad, asked.max_vertical_fov_rad);
   return lens;
 }
@@ -278,16 +285,13 @@ Lens place_lens(const StepContext& step) {
 }
 
 AimRules aim_rules(const StepContext& step) {
-  AimRules rules(framing_of(step.input));
-  const AskedShot& asked = asked_of(step.input);
-  if (step.input.settings.move.follow == Follow::kStay) return rules;
-  rules.dead_zone = asked.dead_zone, rules.roll_rad = step.roll_rad();
-  return rules;
+  const AskedShot& asked = composed_by(step.input);
+  return {.framing = framing_of(step.input), .dead_zone = asked.dead_zone, .soft_zone = asked.soft_zone, .roll_rad = step.roll_rad()};
 }
 
 std::optional<double> fov_for_size_rad(const StepContext& step, const WantedShot& shot, const glm::dvec3& eye_m) {
   if (!zooms_for_size(step.input)) return std::nullopt;
-  const AskedShot& asked = asked_of(step.input);
+  const AskedShot& asked = composed_by(step.input);
   const double asked_m = glm::length(shot.asked_offset_m - shot.subjects_m), now_m = glm::distance(eye_m, step.center_m() + shot.subjects_m);
   const double tangent = std::tan(shot_lens(step.input).vertical_fov_rad / 2) * asked_m / std::max(now_m, 1e-6);
   return std::clamp(2 * std::atan(tangent), asked.min_vertical_fov_rad, asked.max_vertical_fov_rad);
@@ -379,7 +383,7 @@ ShotReport report_shot(const StepContext& step, const WantedShot& shot, const Ca
   ShotReport report;
   report.asked = shot.frame.number != 0 ? shot.frame.now : upright_place(asked_m, shot.frame.yaw_rad, shot.up_yaw_rad);
   report.now = place_in_frame(now_m, shot.frame.yaw_rad);
-  report.first_place = group_place(asked_of(step.input), shot);
+  report.group_place = group_place(asked_of(step.input), shot);
   ShotProperties now = shot_from(now_m, lens.vertical_fov_rad);
   now.place_half_pictures = off_place_half_pictures(camera.pose, step.targets.tracked_targets, lens);
   report.off_place = std::max(std::abs(now.place_half_pictures.x), std::abs(now.place_half_pictures.y));

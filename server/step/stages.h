@@ -63,7 +63,7 @@ inline constexpr uint64_t kMostTests = 100'000;
 FramingSettings framing_of(const StepInput& input);
 // The lens of the shot: the client's; within the lens range where the shot keeps a size by zooming.
 Lens shot_lens(const StepInput& input);
-// The lens by which places are judged: at its present zoom, or that of the shot where the zoom keeps a size from any place.
+// The lens by which places are judged, at its present zoom. Where the zoom keeps a size from any place, it is shot_lens.
 Lens place_lens(const StepContext& step);
 
 // The position that the camera tries to reach. Some target must be steered, unless the camera is to stay where it is.

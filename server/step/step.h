@@ -101,7 +101,7 @@ struct ShotReport {
   ShotDeviation deviation;       // each at most 1
   double asked_roll_rad = 0.0, roll_rad = 0.0;  // as ViewAngles::roll_rad
   double roll_deviation = 0.0;                  // [0, 1]
-  glm::dvec2 first_place{0.0};   // where all targets together are wanted in the picture: by the shot, or as in the first picture; half pictures
+  glm::dvec2 group_place{0.0};   // where all targets together are wanted in the picture: by the shot, or as in the first picture; half pictures
   double off_place = 0.0;        // half pictures; infinite with a target behind the camera
   double sight_loss = 0.0, worth = 0.0;
   uint32_t limits = 0;           // bit i: ShotLimit i is broken at the place of the shot

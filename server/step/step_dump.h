@@ -154,7 +154,8 @@ struct PlanPoint {
 // Result of the move stage: the camera's next pose, with the reason.
 struct Decision {
   MoveStatus status = MoveStatus::kHolding;
-  MoveReason reason = MoveReason::kNoTargets;
+  MoveReason reason = MoveReason::kNoTargets;         // of what the camera does in this step
+  MoveReason course_reason = MoveReason::kNoTargets;  // of the course, whatever kept the body from it
   int chosen_candidate = -1;  // -1: none
   // Length of the way to the first candidate on it that is expected to see a target. Empty: the camera goes to none.
   std::optional<double> view_way_m;

@@ -1,7 +1,7 @@
 // How the camera carries out a decision in the steps until the next one (Tuning.move.decide_every_s).
 //
-// A decision looks at every candidate and at the coming second. Between two decisions only what is known of the newest poses changes: the camera
-// goes on with the same course, relative to where the targets are now.
+// A decision looks at every candidate and at the coming second. Between two decisions the camera goes on with the same course, relative to where the targets are
+// now. All are plain values. Lengths are metres, world frame unless a comment says otherwise.
 #pragma once
 
 #include <cstdint>
@@ -46,12 +46,12 @@ struct Tracking {
 
 // The last decision, as far as later steps need it.
 struct DecisionInForce {
-  double age_s = 0.0;      // the time that the camera has moved for since
-  double clock_s = 0.0;    // the time that it has moved for since the session opened
-  bool is_due = true;      // the next step decides, however young the last decision is
+  double age_s = 0.0;    // the time that the camera has moved for since
+  double clock_s = 0.0;  // the time that it has moved for since the session opened
+  bool is_due = true;    // the next step decides, however young the last decision is
   Tracking tracking;
   MoveStatus status = MoveStatus::kHolding;
-  MoveReason reason = MoveReason::kNoTargets;
+  MoveReason reason = MoveReason::kNoTargets;  // as Decision::course_reason
   std::optional<double> view_way_m;        // as Decision::view_way_m
   bool sees_none = false;                  // as Decision::sees_none
   std::optional<glm::dvec3> nearest_view_m;  // as Decision::nearest_view_m

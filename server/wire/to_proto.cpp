@@ -173,7 +173,7 @@ void set(const ShotReport& report, double metres_per_unit, v1::ShotReport& out) 
   out.set_hidden_by(report.hidden_by);
   out.set_hidden_target(report.hidden_target);
   set(0.0 - report.asked_roll_rad, 0.0 - report.roll_rad, report.roll_deviation, *out.mutable_roll());
-  out.set_place_x(report.first_place.x), out.set_place_y(report.first_place.y);
+  out.set_place_x(report.group_place.x), out.set_place_y(report.group_place.y);
 }
 
 // The reason, and what keeps the camera from its shot if something is known to.

@@ -1,4 +1,4 @@
-"""A relay between a client and a daemon that breaks connections on demand. It runs in a thread of its own."""
+"""A relay between a client and a daemon that breaks connections on demand, or passes everything on late. It runs in a thread of its own."""
 import asyncio
 import threading
 
@@ -26,12 +26,20 @@ class _Connection:
                     data = self._hurt(data)
                 if self.deaf_to_client if from_client else self.deaf_to_daemon:
                     continue
+                if self.relay.delay_s > 0:
+                    self.relay.later(self._write_unless_closing, sink, data)
+                    continue
                 sink.write(data)
                 await sink.drain()
         except OSError:
             pass
         finally:
-            self.cut()
+            self.relay.later(self.cut)
+
+    @staticmethod
+    def _write_unless_closing(sink, data):
+        if not sink.transport.is_closing():
+            sink.write(data)
 
     def _hurt(self, data):
         how, self.hurt = self.hurt, None
@@ -50,10 +58,11 @@ class _Connection:
 
 
 class Relay:
-    """Listens at `address` (a free port of the loopback interface) and passes on to `target`, which may be set anew at any time."""
+    """Listens at `address` (a free port of the loopback interface) and passes on to `target`, which may be set anew at any time, what it gets, delay_s later in each
+    direction."""
 
-    def __init__(self, target):
-        self.target = target
+    def __init__(self, target, delay_s=0.0):
+        self.target, self.delay_s = target, delay_s
         self.connections = set()
         self.accepted = 0
         self._loop = asyncio.new_event_loop()
@@ -86,6 +95,12 @@ class Relay:
         connection = _Connection(self, (reader, writer), daemon)
         self.connections.add(connection)
         await connection.run()
+
+    def later(self, function, *arguments):
+        if self.delay_s > 0:
+            self._loop.call_later(self.delay_s, function, *arguments)
+        else:
+            function(*arguments)
 
     def _call(self, function):
         done = threading.Event()

@@ -13,13 +13,13 @@ import unittest
 
 HERE = pathlib.Path(__file__).parent
 SIGHTLINED, STUBS = sys.argv[1:3]
-sys.path[:0] = [STUBS, str(HERE.parent / "conformance")]
+sys.path[:0] = [STUBS, str(HERE.parent / "conformance"), str(HERE.parent / "fault")]
 
 from daemon import Daemon  # noqa: E402
-from delay import DelayingRelay  # noqa: E402
 from game import ANNA, BEN, CRATE, Game, Starting, Stopped, fastest, fastest_turn, opening, places, transforms, xyz  # noqa: E402
 from google.protobuf import json_format  # noqa: E402
 from players import Player, commands_of  # noqa: E402
+from relay import Relay  # noqa: E402
 from sightline.v1.session_pb2 import OpenSession, Tick  # noqa: E402
 from sightline_client import Camera  # noqa: E402
 
@@ -145,7 +145,7 @@ class Trial(unittest.TestCase):
 
     def far(self):
         self.daemon.start()
-        with DelayingRelay(self.daemon.address, 0.025) as relay:
+        with Relay(self.daemon.address, delay_s=0.025) as relay:
             game = self.game(0.0, relay.address)
             game.play(4.0)
             frames = game.frames[60:]

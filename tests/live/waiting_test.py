@@ -147,7 +147,7 @@ class Waiting(unittest.TestCase):
                          for frame in range(30)]
                 self.assertEqual("fallback", views[-1]["source"])
                 self.assertAlmostEqual(views[-1]["position"][0] - views[-11]["position"][0], 1.0, places=3)  # with the targets
-                self.assertLess(max(view["took_s"] for view in views[1:]), 0.1)
+                self.assertLess(max(view["took_s"] for view in views[1:]), 0.9, "only the first call waits for a second")
                 daemon.camera = (9.0, 2.5, 9.0)
                 daemon.let_go()
                 daemon.wait_for(34)

@@ -72,7 +72,7 @@ TEST(DesiredPlace, BacksOffUntilTheGroupFitsThePicture) {
     }
     FramingSettings framing;
     framing.dead_zone = 0;
-    EXPECT_TRUE(aim_at(place, targets, {}, {}, framing).fits);
+    EXPECT_TRUE(aim_at(place, targets, {}, {}, {.framing = framing}).fits);
   }
 }
 

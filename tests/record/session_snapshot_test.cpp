@@ -191,7 +191,7 @@ class SnapshotTick : public testing::TestWithParam<std::tuple<Turning, v1::Conve
     }
   }
 
-  // What is sent from now on is in the shifted world.
+  // All later positions are in the shifted world.
   void shift(v1::Tick& tick) {
     const std::array<double, 3> by{100 * coordinate(), 0, 100 * coordinate()};
     set(*tick.mutable_world_shift(), by[0], by[1], by[2]);

@@ -21,23 +21,13 @@ glm::dquat facing(const glm::dvec3& direction) {
   return glm::angleAxis(std::atan2(direction.x, direction.z), glm::dvec3(0, 1, 0));
 }
 
-struct Shown : OneFilmed {
-  using OneFilmed::OneFilmed;
-  uint64_t sent = 0;
+struct Shown : ShotFilmed {
+  using ShotFilmed::ShotFilmed;
 
-  void ask(AskedShot asked) {
-    shot = std::move(asked);
-    shot.number = ++sent;
-  }
   void turn_to(uint64_t id, const glm::dvec3& at_m, const glm::dvec3& velocity_mps, const glm::dvec3& direction) {
     TransformUpdate update;
     update.ids = {id}, update.poses = {Pose{at_m, facing(direction)}}, update.velocities_mps = {velocity_mps};
     ASSERT_TRUE(mirror.apply({}, update));
-  }
-  // Of a point in the picture: halves of it, right and up.
-  glm::dvec2 in_halves(const glm::dvec3& point_m) const {
-    const glm::dvec3 p = inverse_transform_point(camera().pose, point_m);
-    return glm::dvec2(p.x / lens.aspect, p.y) / (-p.z * std::tan(lens.vertical_fov_rad / 2));
   }
 };
 

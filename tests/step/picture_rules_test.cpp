@@ -12,24 +12,10 @@ namespace {
 
 constexpr double kPi = std::numbers::pi, kTick = 1.0 / 60;
 
-struct Shown : OneFilmed {
-  using OneFilmed::OneFilmed;
-  uint64_t sent = 0;
+struct Shown : ShotFilmed {
+  using ShotFilmed::ShotFilmed;
 
-  void ask(AskedShot asked) {
-    shot = std::move(asked);
-    shot.number = ++sent;
-  }
-  Lens lens_now(const StepResult& result) const {
-    Lens now = lens;
-    now.vertical_fov_rad = result.vertical_fov_rad;
-    return now;
-  }
-  // Of a point in the picture: halves of it, right and up, along the edges of the picture.
-  glm::dvec2 in_halves(const glm::dvec3& point_m, const StepResult& result) const {
-    const glm::dvec3 p = inverse_transform_point(camera().pose, point_m);
-    return glm::dvec2(p.x / lens.aspect, p.y) / (-p.z * std::tan(result.vertical_fov_rad / 2));
-  }
+  glm::dvec2 in_picture_of(const glm::dvec3& point_m, const StepResult& result) const { return in_halves(point_m, result.vertical_fov_rad); }
   StepResult film(Watch& watch, int ticks) {
     StepResult result;
     for (int i = 0; i < ticks; ++i) step_in(watch, result);
@@ -71,7 +57,7 @@ TEST(PictureRules, ARollLeansThePictureGentlyAndTheBodiesStayInIt) {
   EXPECT_LT(result.shot->roll_deviation, 0.01);
   for (const double x_m : {0.0, 1.5})
     for (const double y_m : {0.1, 1.9}) {
-      const glm::dvec2 at = glm::abs(world.in_halves({x_m, y_m, 0}, result));
+      const glm::dvec2 at = glm::abs(world.in_picture_of({x_m, y_m, 0}, result));
       EXPECT_LT(std::max(at.x, at.y), 1.0) << x_m << " " << y_m;
     }
   for (const TargetSight& target : result.targets) EXPECT_GT(target.picture_share, 0.99);
@@ -97,7 +83,7 @@ std::array<double, 3> places_of_a_runner(const AskedShot& shot) {
     world.move(1, {x_m, 1, 0}, {speed_mps, 0, 0});
     world.step_in(watch, result);
     if (std::fmod(time_s, 5.0) < 3.5) continue;
-    sum[phase] += world.in_halves({x_m, 1, 0}, result).x, ++count[phase];
+    sum[phase] += world.in_picture_of({x_m, 1, 0}, result).x, ++count[phase];
   }
   for (size_t phase = 0; phase < 3; ++phase) sum[phase] /= count[phase];
   return sum;
@@ -123,7 +109,7 @@ TEST(PictureRules, LeadRoomByHeadingLeavesRoomWhereAPersonLooks) {
     world.ask(talking);
     Watch watch(world);
     const StepResult result = world.film(watch, 300);
-    EXPECT_NEAR(world.in_halves({0, 1, 0}, result).x, -side * 0.3, 0.08) << "faces " << (side > 0 ? "right" : "left");
+    EXPECT_NEAR(world.in_picture_of({0, 1, 0}, result).x, -side * 0.3, 0.08) << "faces " << (side > 0 ? "right" : "left");
   }
 }
 
@@ -140,7 +126,7 @@ TEST(PictureRules, FromBehindNoRoomIsLeft) {
     world.move(1, {0, 1, z_m}, {0, 0, -2});
     world.step_in(watch, result);
   }
-  EXPECT_NEAR(world.in_halves({0, 1, z_m}, result).x, 0, 0.06);
+  EXPECT_NEAR(world.in_picture_of({0, 1, z_m}, result).x, 0, 0.06);
 }
 
 // Steps to and fro by 0.8 m every 2 s, before a camera that stays where it is. Returns how far the camera turns in all, in halves of the picture.
@@ -199,7 +185,7 @@ double farthest_off(double soft_zone) {
     const double x_m = 6 * i * kTick;
     world.move(1, {x_m, 1, 0}, {6, 0, 0});
     const StepResult result = watch.step();
-    most = std::max(most, std::abs(world.in_halves({x_m, 1, 0}, result).x));
+    most = std::max(most, std::abs(world.in_picture_of({x_m, 1, 0}, result).x));
   }
   return most;
 }
@@ -211,7 +197,7 @@ TEST(PictureRules, OutsideTheSoftZoneTheCameraHurries) {
 
 TEST(PictureRules, WithALensRangeTheLensKeepsTheSizeWhereAWallKeepsTheCameraAway) {
   const auto height_share = [](const Shown& world, const StepResult& result) {
-    return (world.in_halves({0, 1.9, 0}, result).y - world.in_halves({0, 0.1, 0}, result).y) / 2;
+    return (world.in_picture_of({0, 1.9, 0}, result).y - world.in_picture_of({0, 0.1, 0}, result).y) / 2;
   };
   double with_lens = 0, without = 0;
   for (const bool zooms : {false, true}) {

@@ -67,7 +67,7 @@ export class LiveCamera {
     });
   }
 
-  // What the daemon said when it opened the session, the last time that one did.
+  // The answer of the daemon that opened the session last.
   get opened(): SessionOpened | undefined {
     return this.camera?.opened;
   }

@@ -38,7 +38,7 @@ interface Change {
 // The shot goes on. The camera's memory of the things that it had seen before is lost.
 export class Snapshot {
   private readonly changes = new Map<bigint, Change>(); // in the order of the first change
-  private readonly terms = create(TickSchema); // targets, lens, settings, limits and tuning that replace those of the opening, and how far the world was shifted since
+  private readonly terms = create(TickSchema); // the newest targets, lens, settings, limits and tuning, and how far the world has been shifted since the opening
   private timeS = 0;
   private camera?: ObservedCamera;
   private kept?: ShotReport; // of the newest reply

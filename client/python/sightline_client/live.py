@@ -99,7 +99,7 @@ class LiveCamera:
 
     @property
     def opened(self) -> Optional[SessionOpened]:
-        """What the daemon said when it opened the session, the last time that one did; None: none did so far."""
+        """The answer of the daemon that opened the session last; None before the first."""
         return self._camera.opened if self._camera else None
 
     @property

@@ -32,7 +32,7 @@ class Snapshot:
         self._opening = OpenSession()
         self._opening.CopyFrom(opening)
         self._changes: Dict[int, _Change] = {}  # in the order of the first change
-        self._terms = Tick()  # targets, lens, settings, limits and tuning that replace those of the opening, and how far the world was shifted since
+        self._terms = Tick()  # the newest targets, lens, settings, limits and tuning, and how far the world has been shifted since the opening
         self._time_s = 0.0
         self._camera: Optional[ObservedCamera] = None
         self._kept: Optional[ShotReport] = None  # of the newest reply

@@ -31,7 +31,7 @@ pub(crate) struct Snapshot {
     first: OpenSession,
     changes: HashMap<u64, Change>,
     order: Vec<u64>, // the keys of `changes`, in the order of the first change
-    terms: Tick,     // targets, lens, settings, limits and tuning that replace those of the opening, and how far the world was shifted since
+    terms: Tick,     // the newest targets, lens, settings, limits and tuning, and how far the world has been shifted since the opening
     time_s: f64,
     camera: Option<ObservedCamera>,
     kept: Option<ShotReport>, // of the newest reply
