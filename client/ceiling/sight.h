@@ -39,6 +39,8 @@ class SightEstimate {
   // If all of the first `known_free` rays are known to reach every target from here, they are not traced again.
   bool is_allowed(const glm::dvec3& eye_m) const { return place_limits_->hold(eye_m); }
   TargetsSeen shares(const glm::dvec3& eye_m, size_t rays, size_t known_free = 0) const;
+  // The visible share of one target of the world, by `rays` rays, [1, kExtentPoints].
+  double target_share(size_t target, const glm::dvec3& eye_m, size_t rays) const { return share(bodies_[target], eye_m, rays, 0); }
   // Estimates sight_loss (client/truth/coherence.h) of a picture, [0, 1], with `rays` points of each body, [1, kExtentPoints]. Hidden points and points outside the picture
   // count alike. The limits of distance and elevation do not count.
   double whole_loss(const Pose& world_from_camera, size_t rays) const;

@@ -150,6 +150,7 @@ Status evaluate_into_folder(const EvaluateOptions& options, std::ostream& out, s
   if (!runs) return tl::unexpected(runs.error());
   if (auto done = write_table(folder / "runs.csv", write_runs, *runs); !done) return done;
   if (auto done = write_table(folder / "pictures.csv", write_pictures, *runs); !done) return done;
+  if (auto done = write_table(folder / "reasons.csv", write_reasons, *runs); !done) return done;
   if (auto done = write_table(folder / "timing.csv", write_timing, *runs); !done) return done;
   if (options.json) {
     const nlohmann::ordered_json json{{"folder", options.out}, {"figures", summary_json(*runs)}};
@@ -157,7 +158,7 @@ Status evaluate_into_folder(const EvaluateOptions& options, std::ostream& out, s
     return {};
   }
   print_summary(out, *runs);
-  out << "\nwritten to " << options.out << ": runs.csv, pictures.csv, timing.csv\n";
+  out << "\nwritten to " << options.out << ": runs.csv, pictures.csv, reasons.csv, timing.csv\n";
   return {};
 }
 

@@ -2,6 +2,7 @@
 //
 //   runs.csv       one row a run, every figure
 //   pictures.csv   one row a judged picture: where the camera was and what it saw
+//   reasons.csv    one row a run and reason: how often it was given, and how often it was false
 //   timing.csv     times measured by a clock; the other files have the same bytes on every run
 #pragma once
 

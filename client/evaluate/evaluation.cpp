@@ -79,6 +79,8 @@ struct Played {
   std::vector<std::vector<ReportedShare>> reports;  // by frame; empty when the policy reports nothing
   std::vector<std::optional<bool>> tracking;        // by frame
   std::vector<std::optional<glm::dvec3>> goals_m;   // by frame
+  std::vector<AskedPlace> asked_places;             // in the order of time
+  std::vector<ReasonClaim> claims;                  // in the order of time
   std::optional<size_t> pair_volumes;               // number of frames with one; none when the policy does not say
 };
 
@@ -139,6 +141,8 @@ class Run {
       if (step->reports) played.reports.push_back(std::move(*step->reports));
       played.tracking.push_back(step->tracking);
       played.goals_m.push_back(step->goal_m);
+      if (step->asked_place) played.asked_places.push_back(*step->asked_place);
+      if (step->claim) played.claims.push_back(std::move(*step->claim));
       if (step->pair_volume) played.pair_volumes = played.pair_volumes.value_or(0) + *step->pair_volume;
       progress_(kPlayShare * static_cast<double>(k) / static_cast<double>(ticks));
     }
@@ -171,6 +175,8 @@ class Run {
     record_.reaction = measure_reaction(**world, played.frames);
     record_.longest_blind_with_way_s = longest_blind_with_way_s(**world, played.frames, *truths, limits_);
     judge_against_targets(**world, played, *truths);
+    record_.obstructions = check_obstructions(**world, played.asked_places);
+    record_.reasons = check_reasons(**world, shared_.extents, played.claims);
     return {};
   }
 

@@ -66,6 +66,8 @@ struct RunRecord {
   std::optional<ReportMetrics> reports;
   std::optional<StatusMetrics> status;
   std::optional<GoalMetrics> goals;
+  ObstructionCounts obstructions;           // of the asked place; only of policies that say where it is
+  ReasonCounts reasons;                     // by claims of places, at the judged pictures
   std::optional<double> pair_volume_share;  // share of the frames with PolicyStep::pair_volume
   std::optional<double> most_joint, most_worth;  // only for policies that know them (policy.h)
   std::vector<JudgedPicture> pictures;

@@ -224,6 +224,21 @@ void write_pictures(std::ostream& out, std::span<const Run> runs) {
     }
 }
 
+void write_reasons(std::ostream& out, std::span<const Run> runs) {
+  out << "scene,seed,targets,policy,reason,claims,false_claims\n";
+  const auto write = [&](const Run& run, std::string_view claim, size_t claims, size_t false_claims) {
+    if (claims == 0) return;
+    write_identity(out, run);
+    out << ',' << claim << ',' << claims << ',' << false_claims << '\n';
+  };
+  for (const Run& run : runs) {
+    for (const auto& [reason, count] : run.reasons) write(run, to_string(reason), count.claims, count.false_claims);
+    const ObstructionCounts& counts = run.obstructions;
+    write(run, "obstruction_expected", counts.announced, counts.announced - counts.came_true);
+    write(run, "obstruction_not_expected", counts.began, counts.began - counts.began_announced);
+  }
+}
+
 void write_timing(std::ostream& out, std::span<const Run> runs) {
   out << "scene,seed,targets,policy,run_s,step_ms\n";
   for (const Run& run : runs) {

@@ -25,6 +25,9 @@ void write_runs(std::ostream& out, std::span<const RunRecord> runs);
 // One row a judged picture: its time, the camera's position (world, metres) and the visible share of the target that is seen least. The
 // last columns are 0 or 1. `lost`: no pixel of any target is visible. `tracking`: the status is TRACKING; empty without a status.
 void write_pictures(std::ostream& out, std::span<const RunRecord> runs);
+// One row a run and reason: the number of decisions that gave the reason, of those at the judged pictures, and of those whose words rays contradict (reasons.h).
+// Two more rows: the frames that expected an obstruction of the shot and those of them that were wrong; and the obstructions that came, and those that nothing announced.
+void write_reasons(std::ostream& out, std::span<const RunRecord> runs);
 // Seconds a run took and milliseconds a step took.
 void write_timing(std::ostream& out, std::span<const RunRecord> runs);
 

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "client/evaluate/reasons.h"
 #include "client/scenario/scenario_world.h"
 #include "client/truth/reports.h"
 #include "server/move/asked_shot.h"
@@ -41,6 +42,8 @@ struct PolicyStep {
   std::optional<std::vector<ReportedShare>> reports = std::nullopt;  // the visible shares of the targets
   std::optional<bool> tracking = std::nullopt;                       // whether its status is TRACKING
   std::optional<glm::dvec3> goal_m = std::nullopt;                   // world; the position that it heads for
+  std::optional<ReasonClaim> claim = std::nullopt;                   // the newest reason and the places that it speaks of; only at a tick with a picture
+  std::optional<AskedPlace> asked_place = std::nullopt;              // the place of its shot
   std::optional<bool> pair_volume = std::nullopt;                    // whether it chose among the candidates of a pair volume (paper 3.3)
 };
 

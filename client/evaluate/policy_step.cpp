@@ -22,7 +22,7 @@ std::optional<glm::dvec3> goal_of(const StepDump& dump) {
 class StepPolicy : public CameraPolicy {
  public:
   StepPolicy(const PolicySite& site, std::unique_ptr<Session> session)
-      : scenario_(site.scenario), tick_s_(site.tick_s), session_(std::move(session)) {}
+      : scenario_(site.scenario), tick_s_(site.tick_s), ticks_per_picture_(site.ticks_per_picture), limits_(site.limits), session_(std::move(session)) {}
 
   Result<PolicyStep> next(double time_s, double dt_s) override {
     if (auto applied = session_->apply(tick_at(time_s, dt_s)); !applied)
@@ -37,6 +37,9 @@ class StepPolicy : public CameraPolicy {
     step.goal_m = goal_of(session_->dump());
     step.pair_volume = answer->step.volume == Volume::kPair;
     step.reports.emplace();
+    if (session_->dump().decided) claim_ = claim_of(session_->dump(), time_s, swept_radius_m(limits_, answer->lens));
+    if ((sequence_ - 1) % ticks_per_picture_ == 0) step.claim = claim_;
+    if (const auto& shot = answer->step.shot) step.asked_place = {time_s, shot->place_m, shot->soon_target, shot->soon_s};
     for (const TargetSight& sight : answer->step.targets)
       step.reports->push_back({sight.id, sight.visible_share, sight.filtered_share});
     return step;
@@ -59,8 +62,11 @@ class StepPolicy : public CameraPolicy {
 
   const Scenario& scenario_;
   const double tick_s_;
+  const size_t ticks_per_picture_;
+  const CameraLimits limits_;
   const std::unique_ptr<Session> session_;
   uint64_t sequence_ = 0;
+  std::optional<ReasonClaim> claim_;  // of the newest decision
 };
 
 Status add_scene(const Scenario& scenario, GeometryStore& store, SessionOptions& options) {

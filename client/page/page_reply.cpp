@@ -36,6 +36,30 @@ void say(const v1::TargetVisibility& seen, double metres_per_unit, PageSight& si
   sight.occluder_share = seen.occluders(0).share();
 }
 
+PageShot page_shot(const v1::CameraReply& reply, const Convention& convention) {
+  const v1::ShotReport& report = reply.shot();
+  const double metres = convention.metres_per_unit;
+  PageShot shot;
+  const v1::Vec3& p = report.position();
+  shot.place_m = position_from_client(convention, {p.x(), p.y(), p.z()});
+  shot.asked = {report.side().asked(), report.height().asked(), report.distance().asked() * metres};
+  shot.now = {report.side().now(), report.height().now(), report.distance().now() * metres};
+  shot.deviation = {report.side().deviation(), report.height().deviation(), report.distance().deviation(), report.place().deviation()};
+  shot.sight_loss = report.sight_loss(), shot.worth = report.worth();
+  shot.hidden_by = report.hidden_by(), shot.hidden_target = report.hidden_target();
+  if (shot.hidden_by == 0 && report.has_next_obstruction()) {
+    const v1::ShotObstruction& next = report.next_obstruction();
+    shot.hidden_by = next.hidden_by(), shot.hidden_target = next.target(), shot.hidden_in_s = next.in_s();
+  }
+  if (!reply.has_courses()) return shot;
+  const v1::ComparedCourses& courses = reply.courses();
+  shot.course = short_name(courses.taken());
+  if (courses.has_follow_loss()) shot.losses[0] = courses.follow_loss();
+  if (courses.has_stay_loss()) shot.losses[1] = courses.stay_loss();
+  if (courses.has_plan_loss()) shot.losses[2] = courses.plan_loss();
+  return shot;
+}
+
 }  // namespace
 
 std::vector<std::string> page_stages() {
@@ -60,6 +84,7 @@ PageFrame page_frame(const v1::CameraReply& reply, const Convention& convention,
   frame.status = short_name(reply.status());
   frame.reason = short_name(reply.reason());
   frame.text = reply.reason_text();
+  if (reply.has_shot()) frame.shot = page_shot(reply, convention);
   frame.cut = reply.cut();
   frame.flags = flag_bits(reply.flags());
   frame.merged_ticks = reply.merged_ticks();

@@ -36,6 +36,7 @@ Status check_frame(const SessionPage& session, size_t i) {
     return invalid(at("frames", i, ".stage_us"), "must be as long as stages");
   if (frame.chosen_cell >= static_cast<int>(frame.cells.size()))
     return invalid(at("frames", i, ".chosen_cell"), "is none of its cells");
+  if (frame.shot && !is_finite(frame.shot->place_m)) return invalid(at("frames", i, ".shot"), "has a place that is not finite");
   if (!std::isfinite(frame.time_s) || !is_finite(frame.camera.position_m) ||
       !is_finite(frame.camera.rotation))
     return invalid(at("frames", i), "has a time or a camera that is not finite");
@@ -193,9 +194,41 @@ void write_movers(const SessionPage& session, Json& page, PageData& data) {
   data.add("mover_poses", poses);
 }
 
+// Numbers that are not known in a frame are not finite.
+class Shots {
+ public:
+  void add(const PageFrame& frame, Words& words, Words& occluders) {
+    PageShot unknown;
+    unknown.place_m = glm::dvec3(kPageUnknown), unknown.asked.fill(kPageUnknown), unknown.now.fill(kPageUnknown), unknown.deviation.fill(kPageUnknown);
+    unknown.sight_loss = unknown.worth = kPageUnknown;
+    const PageShot& shot = frame.shot ? *frame.shot : unknown;
+    append(place_m_, shot.place_m);
+    for (const double value : shot.asked) asked_.push_back(value);
+    for (const double value : shot.now) now_.push_back(value);
+    for (const double value : shot.deviation) deviation_.push_back(value);
+    sight_loss_.push_back(shot.sight_loss), worth_.push_back(shot.worth);
+    const auto index = [&](uint64_t id) { return id != 0 ? static_cast<int32_t>(occluders.index_of(id_text(id))) : -1; };
+    hidden_by_.push_back(index(shot.hidden_by)), hidden_target_.push_back(index(shot.hidden_target)), hidden_in_s_.push_back(shot.hidden_in_s);
+    course_.push_back(words.index_of(shot.course));
+    for (const double value : shot.losses) losses_.push_back(value);
+  }
+  void write(PageData& data) const {
+    data.add("shot_place_m", place_m_), data.add("shot_asked", asked_), data.add("shot_now", now_), data.add("shot_deviation", deviation_);
+    data.add("sight_loss", sight_loss_), data.add("worth", worth_);
+    data.add("shot_hidden_by", hidden_by_), data.add("shot_hidden_target", hidden_target_), data.add("shot_hidden_in_s", hidden_in_s_);
+    data.add("course", course_), data.add("course_losses", losses_);
+  }
+
+ private:
+  std::vector<double> place_m_, asked_, now_, deviation_, sight_loss_, worth_, hidden_in_s_, losses_;
+  std::vector<int32_t> hidden_by_, hidden_target_;
+  std::vector<uint32_t> course_;
+};
+
 class Frames {
  public:
   void add(const PageFrame& frame) {
+    shots_.add(frame, words_, occluders_);
     time_s_.push_back(frame.time_s);
     sequence_.push_back(static_cast<double>(frame.sequence));
     append(camera_, frame.camera);
@@ -236,6 +269,7 @@ class Frames {
     data.add("aim_m", aim_m_), data.add("visible_share", visible_), data.add("filtered_share", filtered_);
     data.add("true_share", true_), data.add("state", state_), data.add("distance_m", distance_m_);
     data.add("occluder", occluder_), data.add("occluder_share", occluder_share_);
+    shots_.write(data);
   }
 
  private:
@@ -252,6 +286,7 @@ class Frames {
   }
 
   Words words_, occluders_;
+  Shots shots_;
   std::vector<double> time_s_, sequence_, camera_, fov_rad_;
   std::vector<float> velocity_mps_, stage_us_, queue_us_, latency_ms_, clearance_m_, aim_m_;
   std::vector<double> visible_, filtered_, true_, distance_m_, occluder_share_;

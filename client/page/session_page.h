@@ -11,10 +11,12 @@
 // precision.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -83,6 +85,18 @@ struct PageCounts {
   uint32_t all_visible = 0, some_visible = 0, none_visible = 0;  // S_V, S_P, S_N
 };
 
+// The shot in force in one frame, and what was weighed against it (contract: ShotReport, ComparedCourses).
+struct PageShot {
+  glm::dvec3 place_m{0.0};                                // of the shot
+  std::array<double, 3> asked{}, now{};                   // side and height in radians, distance in metres
+  std::array<double, 4> deviation{};                      // of side, height, size and place, [0, 1]
+  double sight_loss = 0.0, worth = 0.0;                   // [0, 1]
+  uint64_t hidden_by = 0, hidden_target = 0;              // an instance that hides a target from the place of the shot, or is expected to; 0: none
+  double hidden_in_s = 0.0;                               // when; 0: it does
+  std::string course;                                     // one word; empty: not known
+  std::array<double, 3> losses{kPageUnknown, kPageUnknown, kPageUnknown};  // expected of following, staying and the plan
+};
+
 struct PageFrame {
   uint64_t sequence = 0;
   double time_s = 0.0;  // time that the pose is meant for; never decreases
@@ -93,6 +107,7 @@ struct PageFrame {
   PageCounts counts;
   std::string status, reason;  // one word each
   std::string text;            // one sentence
+  std::optional<PageShot> shot;
   bool cut = false;            // the pose jumped on purpose
   uint32_t flags = 0;          // bit i: SessionPage::flags[i]
   uint32_t merged_ticks = 0;

@@ -21,7 +21,7 @@ MoveReason reason_of(FlightCourse course, const WhatIsSeen& seen) {
       if (all) return seen.other_shot ? MoveReason::kOtherShot : MoveReason::kAtDesiredPlace;
       break;
     case FlightCourse::kPlan:
-      if (all) return MoveReason::kBestAllVisible;
+      if (all) return seen.keeps_shot ? MoveReason::kAtDesiredPlace : MoveReason::kBestAllVisible;
   }
   return seen.from_goal != 0 && !seen.somewhere_all ? MoveReason::kBestPartial : MoveReason::kBestSoon;
 }

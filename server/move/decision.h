@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string_view>
 
 namespace sightline {
@@ -58,11 +59,18 @@ enum class FlightCourse {
   kFarWay,    // blind for long: through the level to the nearest target
   kToShot,    // through a time of less sight to the wanted shot
 };
+// What a decision compared: the loss that is expected of each course over the coming 1.2 s, as a mean, in units of a picture's worth (picture_worth.h). It holds what
+// is hidden, cut off, or other than in the shot, and the effort of the way.
+struct ComparedCourses {
+  std::optional<FlightCourse> taken;  // empty: the camera has no flight plan
+  std::optional<double> follow_loss, stay_loss, plan_loss;  // empty: not compared, or the way is blocked
+};
 struct WhatIsSeen {
   uint32_t from_goal = 0;     // the targets that the goal's candidate sees, one bit each
   uint32_t steered = 0;       // all that count
   bool somewhere_all = false;  // some candidate sees all of them
   bool other_shot = false;    // the wanted shot is not the client's own
+  bool keeps_shot = false;    // the goal departs from the client's shot by no more than its free bands
 };
 // The reason that is true of a course.
 MoveReason reason_of(FlightCourse course, const WhatIsSeen& seen);

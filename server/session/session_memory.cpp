@@ -60,8 +60,8 @@ struct StateFields {
   }
   template <typename A, SameAs<AskedSight> T>
   static void each(A& archive, T& sight) {
-    auto& [target, hidden, by] = sight;
-    archive(target, hidden, by);
+    auto& [target, hidden, by, is_hidden, soon_s, soon_by] = sight;
+    archive(target, hidden, by, is_hidden, soon_s, soon_by);
   }
   template <typename A, SameAs<CutState> T>
   static void each(A& archive, T& cut) {
@@ -258,6 +258,11 @@ struct StateFields {
     auto& [by, pace, vector, beyond] = tracking;
     archive(by, pace, vector, beyond);
   }
+  template <typename A, SameAs<ComparedCourses> T>
+  static void each(A& archive, T& courses) {
+    auto& [taken, follow_loss, stay_loss, plan_loss] = courses;
+    archive(taken, follow_loss, stay_loss, plan_loss);
+  }
   template <typename A, SameAs<SightCounts> T>
   static void each(A& archive, T& counts) {
     auto& [total, all, some, none, by_target] = counts;
@@ -265,8 +270,8 @@ struct StateFields {
   }
   template <typename A, SameAs<DecisionInForce> T>
   static void each(A& archive, T& last) {
-    auto& [age_s, clock_s, is_due, tracking, status, reason, view_way, sees_none, nearest_view, counts, target_ids, seen] = last;
-    archive(age_s, clock_s, is_due, tracking, status, reason, view_way, sees_none, nearest_view, counts, target_ids, seen);
+    auto& [age_s, clock_s, is_due, tracking, status, reason, courses, view_way, sees_none, nearest_view, counts, target_ids, seen] = last;
+    archive(age_s, clock_s, is_due, tracking, status, reason, courses, view_way, sees_none, nearest_view, counts, target_ids, seen);
   }
   template <typename A, SameAs<CarriedState> T>
   static void each(A& archive, T& state) {
@@ -493,7 +498,7 @@ struct StateFields {
            map.known_s_.size() == map.ids_.size() && map.distance_m_ > 0;
   }
   static bool possible(const DecisionInForce& last) {
-    return last.age_s >= 0 && last.clock_s >= 0 && last.clock_s < 1e15 && last.tracking.by <= TrackBy::kAcceleration && last.status <= MoveStatus::kHolding && last.reason <= MoveReason::kCut &&
+    return last.age_s >= 0 && last.clock_s >= 0 && last.clock_s < 1e15 && last.tracking.by <= TrackBy::kAcceleration && last.status <= MoveStatus::kHolding && last.reason <= MoveReason::kCut && (!last.courses.taken || *last.courses.taken <= FlightCourse::kToShot) &&
            last.counts.visible_by_target.size() <= kMaxTargets;
   }
   static constexpr double kFarthestViewM = 1e4;  // farther than any bound reaches

@@ -49,6 +49,10 @@ struct AskedSight {
   uint64_t target_id = 0;
   double hidden = 0.0;  // share of it, [0, 1]
   uint64_t by = 0;      // the instance that hid it last
+  bool is_hidden = false;  // at the last look
+  // When it is expected to be hidden from there, seconds from now, and the instance that will hide it; 0: it is not, as far as predictions go.
+  double soon_s = 0.0;
+  uint64_t soon_by = 0;
 };
 
 // The shot that the camera tries to keep: its position relative to the weighted centre of one set of targets.

@@ -9,6 +9,7 @@
 
 #include "server/base/inline_vector.h"
 #include "server/move/best_acceleration.h"
+#include "server/move/picture_worth.h"
 #include "server/move/sight_weight.h"
 #include "server/step/stages.h"
 
@@ -112,6 +113,17 @@ class PlanPricer {
       const glm::dvec3 center_m = in_.step.center_m() + in_.carried.shot.subjects_m + group_mps_ * ahead_.ahead_s(slice);
       planner_.add_shot_losses(slice, center_m, *asked_m_, in_.step.input.settings.move.shot, shot_, in_.carried.shot.tolerance);
     }
+  }
+  // The cost of a picture that shows nothing of the targets.
+  double whole_loss_cost() const { return occlusion_; }
+  // Whether a picture from a place after a time departs from the asked shot by no more than the free bands. False without an asked shot.
+  bool keeps_shot(const glm::dvec3& place_m, double ahead_s) const {
+    if (!asked_m_) return false;
+    const glm::dvec3 offset_m = place_m - (in_.step.center_m() + in_.carried.shot.subjects_m + group_mps_ * ahead_s);
+    if (glm::length(offset_m) < kHereM) return false;
+    const double fov_rad = in_.step.lens.vertical_fov_rad;
+    const ShotDeviation gives_up = deviation_between(shot_from(*asked_m_, fov_rad), shot_from(offset_m, fov_rad), in_.carried.shot.tolerance);
+    return gives_up.side + gives_up.height + gives_up.size <= 0;
   }
 
  private:
@@ -218,10 +230,12 @@ class GoalSearch {
 
  private:
   Goal go_on(const FlightPlan& plan) {
-    const double stay = stay_cost();
-    if (decide_to_follow(follow_cost(), stay, plan.cost)) return follow_desired(pace());
-    if (stay <= plan.cost) return stay_here();
-    return fly(plan);
+    const double stay = stay_cost(), follow = follow_cost();
+    Goal goal = decide_to_follow(follow, stay, plan.cost) ? follow_desired(pace()) : stay <= plan.cost ? stay_here() : fly(plan);
+    const double whole = std::max(pricer_.whole_loss_cost(), 1e-9);
+    if (std::isfinite(follow)) goal.courses.follow_loss = follow / whole;
+    goal.courses.stay_loss = stay / whole, goal.courses.plan_loss = plan.cost / whole;
+    return goal;
   }
   bool decide_to_follow(double follow, double stay, double plan) {
     change_ = in_.carried.change.value_or(SummedGain{});
@@ -254,10 +268,12 @@ class GoalSearch {
     Goal goal{.choice = choice_of(static_cast<uint32_t>(candidate), in_.sights.candidates, in_.step.targets.tracked_targets), .position_m = position_m};
     const uint32_t steered = in_.step.targets.steered;
     const WantedShot& shot = in_.carried.shot;
+    goal.courses.taken = course;
     goal.choice.reason = reason_of(course, {.from_goal = in_.sights.candidates.filtered()[candidate] & steered,
                                             .steered = steered,
                                             .somewhere_all = in_.sights.counts.all_visible > 0,
-                                            .other_shot = shot.other_viewpoint() || shot.in_line_m});
+                                            .other_shot = shot.other_viewpoint() || shot.in_line_m,
+                                            .keeps_shot = pricer_.keeps_shot(position_m, kGoalS)});
     return goal;
   }
   static Choice choice_for(MoveStatus status, FlightCourse course) { return {status, reason_of(course, {}), -1}; }
@@ -411,6 +427,7 @@ class GoalSearch {
     const auto leg = leg_to_trail(in_, body_m(in_), scratch_.trail_colliders);
     Goal goal = leg ? follow_trail(*leg) : approach(plan);
     if (!leg) goal.choice.reason = reason_of(FlightCourse::kApproach, {});
+    goal.courses.taken = leg ? FlightCourse::kTrail : FlightCourse::kApproach;
     goal.lost = goal.searches = true;
     return goal;
   }
@@ -502,6 +519,7 @@ class GoalSearch {
               .position_m = part_of_way_m(leg->to_m, settings_.speed_mps * kGoalS),
               .velocity_mps = velocity_along(in_.step, *leg, glm::dvec3(0.0)),
               .tracking = along(in_.step, *leg)};
+    goal.courses.taken = to_shot ? FlightCourse::kToShot : FlightCourse::kFarWay;
     goal.searches = !to_shot, goal.way_m = leg->length_m;
     for (size_t k = 1; k < blind_.way_m.size(); ++k) *goal.way_m += glm::distance(blind_.way_m[k - 1], blind_.way_m[k]);
     return goal;

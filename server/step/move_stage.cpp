@@ -41,6 +41,7 @@ Course flight_course(const MoveInput& in, MoveScratch& scratch, Decision& decisi
   }
   decision.horizon_s = next_horizon_s(in, goal.searches);
   decision.follows = goal.follows;
+  decision.courses = goal.courses;
   decision.plan_m = goal.plan_m;
   decision.view_way_m = way_to_view_m(in, goal.choice, scratch.way);
   if (goal.way_m) decision.view_way_m = goal.way_m;
@@ -244,7 +245,7 @@ Decision go_on(const MoveInput& in) {
   const DecisionInForce& last = in.carried.in_force;
   Decision decision = unmoved(in);
   decision.change = in.carried.change;
-  decision.status = last.status, decision.course_reason = last.reason;
+  decision.status = last.status, decision.course_reason = last.reason, decision.courses = last.courses;
   decision.view_way_m = last.view_way_m, decision.sees_none = last.sees_none, decision.nearest_view_m = last.nearest_view_m;
   decision.tracking = last.tracking;
   // The goal is where the camera will be after a fixed time, so it goes on with it.

@@ -53,6 +53,7 @@ StepResult result_of(const StepInput& input, const StepDump& dump) {
   result.camera = dump.decision.camera;
   result.vertical_fov_rad = dump.decision.vertical_fov_rad;
   result.reason = dump.decision.reason;
+  result.courses = dump.decision.courses;
   result.volume = dump.plan.pair.used ? Volume::kPair : Volume::kLattice;
   result.pair_asked = dump.plan.pair.asked;
   result.pair_needs_two = dump.plan.pair.needs_two;

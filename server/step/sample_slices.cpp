@@ -57,6 +57,7 @@ class SlicePicker {
       slice.sampled.clear();
       const double chance = random_.next_unit() / std::max(settings.turn_probability, 1e-9);
       turns_rad_[due.slice] = chance < 0.5 ? settings.turn_rad : chance < 1.0 ? -settings.turn_rad : 0.0;
+      slice.turned = chance < 1.0;
     }
     for (size_t i = 0; i < in_.step.target_count(); ++i) pick_target(i);
   }

@@ -211,7 +211,7 @@ void plan_sample(const SampleInput& in, SampleScratch& scratch, SamplePlan& plan
     plan_paper_maps(in, scratch, plan);
   else
     plan_flight_maps(in, scratch, plan);
-  plan.look = plan_look(in, plan.views);
+  plan.look = plan_look(in, plan);
   request_all(in, plan);
 }
 

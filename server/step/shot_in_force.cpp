@@ -355,6 +355,13 @@ double lost_sight(const StepContext& step, std::span<const TargetSight> sights) 
   return all > 0 ? lost / all : 0.0;
 }
 
+// Where two are expected to hide targets, the earlier one is named.
+void name_next_hider(const StepContext& step, const AskedSight& sight, ShotReport& report) {
+  if (sight.soon_by == 0 || sight.is_hidden || !step.input.scene.find(sight.soon_by)) return;
+  if (report.soon_by != 0 && report.soon_s <= sight.soon_s) return;
+  report.soon_by = sight.soon_by, report.soon_target = sight.target_id, report.soon_s = sight.soon_s;
+}
+
 void name_hider(const StepContext& step, const WantedShot& shot, ShotReport& report) {
   double all = 0, most = kHidesShare;
   for (const AskedSight& sight : shot.at_asked) {
@@ -362,7 +369,9 @@ void name_hider(const StepContext& step, const WantedShot& shot, ShotReport& rep
     if (known == step.targets.ids.end()) continue;
     const double weight = step.targets.sight_weights[static_cast<size_t>(known - step.targets.ids.begin())];
     report.hidden_share += weight * sight.hidden, all += weight;
-    if (weight > 0 && step.input.scene.find(sight.by) && sight.hidden > most) most = sight.hidden, report.hidden_by = sight.by, report.hidden_target = sight.target_id;
+    if (weight <= 0) continue;
+    if (step.input.scene.find(sight.by) && sight.hidden > most) most = sight.hidden, report.hidden_by = sight.by, report.hidden_target = sight.target_id;
+    name_next_hider(step, sight, report);
   }
   report.hidden_share = all > 0 ? report.hidden_share / all : 0.0;
 }
@@ -383,6 +392,7 @@ ShotReport report_shot(const StepContext& step, const WantedShot& shot, const Ca
   ShotReport report;
   report.asked = shot.frame.number != 0 ? shot.frame.now : upright_place(asked_m, shot.frame.yaw_rad, shot.up_yaw_rad);
   report.now = place_in_frame(now_m, shot.frame.yaw_rad);
+  report.place_m = asked_place_m(step, shot);
   report.group_place = group_place(asked_of(step.input), shot);
   ShotProperties now = shot_from(now_m, lens.vertical_fov_rad);
   now.place_half_pictures = off_place_half_pictures(camera.pose, step.targets.tracked_targets, lens);
@@ -397,9 +407,35 @@ ShotReport report_shot(const StepContext& step, const WantedShot& shot, const Ca
   return report;
 }
 
+namespace {
+
+// The instance that hides the eye of a map of a single texel from a place; empty if none does.
+std::optional<uint64_t> hider_of(const StepContext& step, const TakenMaps& taken, uint32_t map, const glm::dvec3& place_m) {
+  const DepthMap& taken_map = taken.maps[map];
+  if (glm::distance(taken_map.view.eye_m, place_m) <= taken_map.distance_at(0, 0) * (1 + taken.settings.relative_bias)) return std::nullopt;
+  return step.input.scene.instances()[taken_map.occluder_at(0, 0)].id;
+}
+
+// Only some of the slices are looked at in a step. What was found at others holds until they are looked at again.
+void look_ahead(const StepContext& step, const TakenMaps& taken, AskedSight& sight) {
+  for (const SightAhead& ahead : taken.plan.look.ahead) {
+    const std::optional<uint64_t> by = hider_of(step, taken, ahead.map, ahead.place_m);
+    const bool is_same = std::abs(ahead.ahead_s - sight.soon_s) < 0.5 * kSliceS;
+    if (by && (sight.soon_by == 0 || ahead.ahead_s < sight.soon_s || is_same))
+      sight.soon_by = *by, sight.soon_s = ahead.ahead_s;
+    else if (!by && is_same)
+      sight.soon_by = 0;
+  }
+}
+
+}  // namespace
+
 void watch_asked_place(const StepContext& step, const TakenMaps& taken, WantedShot& shot) {
   const ViewpointLook& look = taken.plan.look;
-  if (!look.searches || step.move_s <= 0 || !step.is_steered(look.target)) return;
+  if (step.move_s <= 0) return;
+  for (AskedSight& sight : shot.at_asked)
+    if (sight.soon_s -= step.decision_s; !look.searches || sight.soon_s < 0) sight.soon_by = 0;
+  if (!look.searches || !step.is_steered(look.target)) return;
   const uint64_t id = step.targets.ids[look.target];
   auto sight = std::find_if(shot.at_asked.begin(), shot.at_asked.end(), [id](const AskedSight& of) { return of.target_id == id; });
   if (sight == shot.at_asked.end()) {
@@ -408,10 +444,11 @@ void watch_asked_place(const StepContext& step, const TakenMaps& taken, WantedSh
   }
   const double memory_s = step.input.settings.move.viewpoint_search.memory_s;
   const double newest = -std::expm1(-step.decision_s * static_cast<double>(step.target_count()) / memory_s);
-  const DepthMap& map = taken.maps[look.asked_sight];
-  const bool hidden = glm::distance(map.view.eye_m, asked_place_m(step, shot)) > map.distance_at(0, 0) * (1 + taken.settings.relative_bias);
-  sight->hidden += newest * ((hidden ? 1.0 : 0.0) - sight->hidden);
-  if (hidden) sight->by = step.input.scene.instances()[map.occluder_at(0, 0)].id;
+  const std::optional<uint64_t> by = hider_of(step, taken, look.asked_sight, asked_place_m(step, shot));
+  sight->hidden += newest * ((by ? 1.0 : 0.0) - sight->hidden);
+  sight->is_hidden = by.has_value();
+  if (by) sight->by = *by;
+  look_ahead(step, taken, *sight);
 }
 
 }  // namespace sightline

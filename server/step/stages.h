@@ -144,8 +144,8 @@ bool knows_viewpoints(const StepContext& step, const ViewpointMap& viewpoints);
 
 // The place of the client's shot, within the limits.
 glm::dvec3 asked_place_m(const StepContext& step, const WantedShot& shot);
-// Appends the maps that show all directions from one target, and a sight from there to the place of the client's shot.
-ViewpointLook plan_look(const SampleInput& input, std::vector<MapView>& views);
+// Appends the maps that show all directions from one target, and sights from there to the place of the client's shot, now and at the plan's slices.
+ViewpointLook plan_look(const SampleInput& input, SamplePlan& plan);
 void request_look(const SampleInput& input, SamplePlan& plan);
 
 // Updates the viewpoints from those maps, and chooses the shot that the camera tries to keep.
@@ -298,6 +298,7 @@ struct Goal {
   BlindState blind = {};
   std::optional<SummedGain> change = {};  // as Decision::change
   std::optional<double> way_m = {};  // length of a far way that it takes
+  ComparedCourses courses = {};
 };
 // Sets `scratch.way` too.
 Goal choose_goal(const MoveInput& input, MoveScratch& scratch);

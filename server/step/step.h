@@ -107,6 +107,10 @@ struct ShotReport {
   uint32_t limits = 0;           // bit i: ShotLimit i is broken at the place of the shot
   double hidden_share = 0.0;     // of the targets from the place of the shot, lately
   uint64_t hidden_by = 0, hidden_target = 0;
+  glm::dvec3 place_m{0.0};       // of the shot, within the limits; world
+  // The instance that is expected to be the first to hide a target from the moving place of the shot, and when; 0: none is, as far as predictions go.
+  uint64_t soon_by = 0, soon_target = 0;
+  double soon_s = 0.0;
 };
 
 struct StepFlags {
@@ -128,6 +132,7 @@ struct StepResult {
   std::optional<double> view_s;
   uint64_t blocked_by = 0;  // kBlocked: the instance in the way; 0: none alone
   MoveReason reason = MoveReason::kNoTargets;
+  ComparedCourses courses;  // of the newest decision
   Volume volume = Volume::kLattice;
   // The reason why pair volumes were not used although they were requested.
   bool pair_asked = false;

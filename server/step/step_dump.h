@@ -71,6 +71,7 @@ struct Sampled {
 struct SampledSlice {
   DueSlice due;
   InlineVector<glm::dvec3, kMaxTargets> aim_m;  // where they are then; by target
+  bool turned = false;                          // they are taken to turn to one side
   Sampled sampled;
 };
 
@@ -83,12 +84,20 @@ struct PairPlan {
   bool used = false;
 };
 
+// A single ray from where a target will be to where the place of the client's shot will be then.
+struct SightAhead {
+  uint32_t map = 0;
+  double ahead_s = 0.0;
+  glm::dvec3 place_m{0.0};
+};
+
 // The maps that the viewpoint search takes in all directions from one target. Empty when the search is off.
 struct ViewpointLook {
   bool searches = false;
   size_t target = 0;
   MapRange maps;
   uint32_t asked_sight = 0;  // a map of a single texel towards the place of the client's shot
+  InlineVector<SightAhead, kSlices> ahead = {};  // the same at slices that are renewed in this step, for the target that goes on as it does
 };
 
 // A place that the camera may jump to, with sights of every target from there, as in Sampled.
@@ -156,6 +165,7 @@ struct Decision {
   MoveStatus status = MoveStatus::kHolding;
   MoveReason reason = MoveReason::kNoTargets;         // of what the camera does in this step
   MoveReason course_reason = MoveReason::kNoTargets;  // of the course, whatever kept the body from it
+  ComparedCourses courses;
   int chosen_candidate = -1;  // -1: none
   // Length of the way to the first candidate on it that is expected to see a target. Empty: the camera goes to none.
   std::optional<double> view_way_m;

@@ -110,9 +110,10 @@ double viewpoint_distance_m(const StepContext& step, const WantedShot& shot) {
   return std::max(glm::length(framed_offset_m(step, shot.asked_offset_m)), 0.1);
 }
 
-ViewpointLook plan_look(const SampleInput& in, std::vector<MapView>& views) {
+ViewpointLook plan_look(const SampleInput& in, SamplePlan& plan) {
   const StepInput& input = in.step.input;
   if (!searches(in.step)) return {};
+  std::vector<MapView>& views = plan.views;
   ViewpointLook look{.searches = true, .target = in.step.decision % input.targets.size(), .maps = {}, .asked_sight = 0};
   CounterRandom random(input.seed, in.step.decision, RandomPurpose::kViewpointSearch);
   const glm::dvec3 eye_m = looking_point_m(looking_piece(input.scene, in.step.targets.pieces[look.target], random), random);
@@ -121,21 +122,30 @@ ViewpointLook plan_look(const SampleInput& in, std::vector<MapView>& views) {
   plan_round(eye_m, input.settings.move.viewpoint_search.resolution, {x, y}, views);
   look.maps.count = static_cast<uint32_t>(views.size()) - look.maps.first;
   look.asked_sight = static_cast<uint32_t>(views.size());
-  views.push_back(plan_sight(eye_m, asked_place_m(in.step, in.shot)));
+  const glm::dvec3 asked_m = asked_place_m(in.step, in.shot), group_mps = group_velocity_mps(in.step);
+  views.push_back(plan_sight(eye_m, asked_m));
+  for (const SampledSlice& slice : plan.slices) {
+    if (slice.turned) continue;
+    const glm::dvec3 then_m = asked_m + group_mps * slice.due.ahead_s;
+    look.ahead.push_back({static_cast<uint32_t>(views.size()), slice.due.ahead_s, then_m});
+    views.push_back(plan_sight(slice.aim_m[look.target], then_m));
+  }
   return look;
 }
 
 void request_look(const SampleInput& in, SamplePlan& plan) {
   const ViewpointLook& look = plan.look;
   if (!look.searches) return;
-  const auto request = [&](uint32_t view, double farthest_m) {
+  const auto request = [&](uint32_t view, double farthest_m, double ahead_s = 0.0) {
     plan.requests[view] = {.view = plan.views[view],
                            .layer_mask = in.step.input.targets[look.target].layer_mask,
+                           .ahead_s = ahead_s,
                            .far_m = beyond_all_m(farthest_m),
                            .ignored_slots = in.step.targets.ignored_slots[look.target]};
   };
   const glm::dvec3 eye_m = plan.views[look.asked_sight].eye_m;
   request(look.asked_sight, glm::distance(eye_m, asked_place_m(in.step, in.shot)));
+  for (const SightAhead& sight : look.ahead) request(sight.map, glm::distance(plan.views[sight.map].eye_m, sight.place_m), sight.ahead_s);
   const double farthest_m = glm::distance(eye_m, in.step.center_m()) + ViewpointMap::kFarthestShare * viewpoint_distance_m(in.step, in.shot);
   for (uint32_t view = look.maps.first; view < look.maps.first + look.maps.count; ++view) request(view, farthest_m);
 }

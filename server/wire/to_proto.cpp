@@ -5,6 +5,7 @@
 #include <string>
 
 #include "server/wire/error_to_proto.h"
+#include "server/wire/reason_text.h"
 
 namespace sightline {
 namespace {
@@ -156,7 +157,37 @@ void set(double asked, double now, double deviation, v1::ShotTerm& out) {
   out.set_asked(asked), out.set_now(now), out.set_deviation(deviation);
 }
 
-void set(const ShotReport& report, double metres_per_unit, v1::ShotReport& out) {
+v1::Course to_proto(FlightCourse course) {
+  switch (course) {
+    case FlightCourse::kFollow:
+      return v1::COURSE_FOLLOW;
+    case FlightCourse::kStay:
+      return v1::COURSE_STAY;
+    case FlightCourse::kPlan:
+      return v1::COURSE_PLAN;
+    case FlightCourse::kToView:
+      return v1::COURSE_TO_VIEW;
+    case FlightCourse::kTrail:
+      return v1::COURSE_TRAIL;
+    case FlightCourse::kApproach:
+      return v1::COURSE_APPROACH;
+    case FlightCourse::kFarWay:
+      return v1::COURSE_FAR_WAY;
+    case FlightCourse::kToShot:
+      return v1::COURSE_TO_SHOT;
+  }
+  return v1::COURSE_UNSPECIFIED;
+}
+
+void set(const ComparedCourses& courses, v1::ComparedCourses& out) {
+  out.set_taken(to_proto(*courses.taken));
+  if (courses.follow_loss) out.set_follow_loss(*courses.follow_loss);
+  if (courses.stay_loss) out.set_stay_loss(*courses.stay_loss);
+  if (courses.plan_loss) out.set_plan_loss(*courses.plan_loss);
+}
+
+void set(const ShotReport& report, const Convention& c, v1::ShotReport& out) {
+  const double metres_per_unit = c.metres_per_unit;
   // A client sees the place that is farthest off; behind the camera, no number says how far.
   constexpr double kFarOff = 1e3;
   set(report.asked.side_rad, report.now.side_rad, report.deviation.side, *out.mutable_side());
@@ -174,16 +205,10 @@ void set(const ShotReport& report, double metres_per_unit, v1::ShotReport& out) 
   out.set_hidden_target(report.hidden_target);
   set(0.0 - report.asked_roll_rad, 0.0 - report.roll_rad, report.roll_deviation, *out.mutable_roll());
   out.set_place_x(report.group_place.x), out.set_place_y(report.group_place.y);
-}
-
-// The reason, and what keeps the camera from its shot if something is known to.
-std::string reason_text(const StepResult& step) {
-  std::string text(explain(step.reason));
-  if (!step.shot || step.shot->hidden_by == 0) return text;
-  const ShotDeviation& gives_up = step.shot->deviation;
-  if (gives_up.side + gives_up.height + gives_up.size <= 0) return text;
-  return text + "; instance " + std::to_string(step.shot->hidden_by) + " hides target " + std::to_string(step.shot->hidden_target) +
-         " from the place of the shot";
+  set(position_to_client(c, report.place_m), *out.mutable_position());
+  if (report.soon_by == 0) return;
+  v1::ShotObstruction& soon = *out.mutable_next_obstruction();
+  soon.set_target(report.soon_target), soon.set_hidden_by(report.soon_by), soon.set_in_s(report.soon_s);
 }
 
 void set(int level, const StepSettings& used, v1::Degradation& out) {
@@ -317,7 +342,8 @@ void camera_reply_to_proto(const SessionAnswer& answer, const Session& session,
   out.set_mirror_revision(answer.revision);
   out.set_mirror_hash(answer.hash);
   set_times(answer, *out.mutable_stage_times());
-  if (step.shot) set(*step.shot, c.metres_per_unit, *out.mutable_shot());
+  if (step.shot) set(*step.shot, c, *out.mutable_shot());
+  if (step.courses.taken) set(step.courses, *out.mutable_courses());
   if (wanted.candidates)
     set_candidates(session.dump().sights.candidates, step.chosen_candidate, c, *out.mutable_candidates());
   if (wanted.depth_maps) add_depth_maps(session, out);

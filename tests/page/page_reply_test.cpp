@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "server/session/convention.h"
 
 namespace sightline {
@@ -43,6 +45,37 @@ Convention half_metres() {
   Convention convention;
   convention.metres_per_unit = 0.5;
   return convention;
+}
+
+TEST(PageReply, TheShotAndWhatWasWeighedAreInItsFrame) {
+  v1::CameraReply reply = full_reply();
+  EXPECT_FALSE(page_frame(reply, half_metres(), 1.5, kTargets).shot) << "a session may keep no shot";
+  v1::ShotReport& shot = *reply.mutable_shot();
+  const auto term = [](v1::ShotTerm& out, double asked, double now, double deviation) { out.set_asked(asked), out.set_now(now), out.set_deviation(deviation); };
+  term(*shot.mutable_side(), 0.1, 0.2, 0.3), term(*shot.mutable_height(), 0.4, 0.5, 0.6), term(*shot.mutable_distance(), 8, 10, 0.7), term(*shot.mutable_place(), 0, 0.25, 0.8);
+  shot.set_sight_loss(0.15), shot.set_worth(0.35);
+  shot.mutable_position()->set_x(6);
+  shot.mutable_next_obstruction()->set_target(5), shot.mutable_next_obstruction()->set_hidden_by(40), shot.mutable_next_obstruction()->set_in_s(0.9);
+  reply.mutable_courses()->set_taken(v1::COURSE_FAR_WAY);
+  reply.mutable_courses()->set_stay_loss(0.45);
+  const PageShot got = page_frame(reply, half_metres(), 1.5, kTargets).shot.value();
+  EXPECT_EQ(got.place_m, glm::dvec3(3, 0, 0));
+  EXPECT_THAT(got.asked, ElementsAre(0.1, 0.4, 4.0));
+  EXPECT_THAT(got.now, ElementsAre(0.2, 0.5, 5.0));
+  EXPECT_THAT(got.deviation, ElementsAre(0.3, 0.6, 0.7, 0.8));
+  EXPECT_EQ(got.sight_loss, 0.15);
+  EXPECT_EQ(got.worth, 0.35);
+  EXPECT_EQ(got.hidden_by, 40u);
+  EXPECT_EQ(got.hidden_target, 5u);
+  EXPECT_EQ(got.hidden_in_s, 0.9);
+  EXPECT_EQ(got.course, "FAR_WAY");
+  EXPECT_TRUE(std::isnan(got.losses[0]));
+  EXPECT_EQ(got.losses[1], 0.45);
+  shot.set_hidden_by(41), shot.set_hidden_target(7);
+  const PageShot hidden = page_frame(reply, half_metres(), 1.5, kTargets).shot.value();
+  EXPECT_EQ(hidden.hidden_by, 41u) << "what hides it now comes before what will";
+  EXPECT_EQ(hidden.hidden_target, 7u);
+  EXPECT_EQ(hidden.hidden_in_s, 0.0);
 }
 
 TEST(PageReply, EveryFieldOfAReplyIsInItsFrame) {

@@ -91,7 +91,8 @@ class PageTest(Browsing):
     def test_the_report_of_the_daemons_recording_is_the_same_session(self):
         ours, drives = PageArrays(self.session.report), PageArrays(self.page)
         for name in ("sequence", "time_s", "camera", "fov_rad", "velocity_mps", "counts", "cut", "flags", "present", "steered",
-                     "visible_share", "filtered_share", "distance_m", "stage_us", "cell_frame", "cell_mask", "cell_chosen"):
+                     "visible_share", "filtered_share", "distance_m", "stage_us", "cell_frame", "cell_mask", "cell_chosen",
+                     "worth", "sight_loss", "shot_asked", "shot_now", "shot_deviation", "course"):
             with self.subTest(name=name):
                 self.assertGreater(len(drives.array(name)), 0)
                 self.assertEqual(ours.array(name), drives.array(name))
@@ -179,6 +180,37 @@ class PageTest(Browsing):
             self.assertAlmostEqual(float(share), 100 * float(row["occluder_share"]), delta=0.51)
         else:
             self.assertEqual(said, "")
+
+    def test_the_shot_is_the_one_of_the_replies(self):
+        arrays = PageArrays(self.page)
+        number = lambda field: float(self.text(field).split()[-1 if field == "worth" else 0].rstrip("°%"))  # noqa: E731
+        courses = set()
+        for frame in (0, 60, len(self.rows) // 2, len(self.rows) - 1):
+            with self.subTest(frame=frame):
+                self.go(frame)
+                self.assertAlmostEqual(number("worth"), arrays.array("worth")[frame], delta=0.0051)
+                self.assertAlmostEqual(number("sight_loss"), 100 * arrays.array("sight_loss")[frame], delta=0.51)
+                for i, (term, scale, delta) in enumerate((("side", 180 / math.pi, 0.51), ("height", 180 / math.pi, 0.51), ("distance", 1, 0.051))):
+                    for field, name in (("asked", "shot_asked"), ("now", "shot_now")):
+                        self.assertAlmostEqual(number(f"{term}-{field}"), scale * arrays.array(name)[3 * frame + i], delta=delta)
+                    self.assertAlmostEqual(number(f"{term}-off"), 100 * arrays.array("shot_deviation")[4 * frame + i], delta=0.51)
+                courses.add(self.text("course"))
+                self.assert_shot_is_drawn(arrays, frame)
+        self.assertTrue(courses <= {"follow", "stay", "plan", "to view", "trail", "approach", "far way", "to shot"}, courses)
+
+    def assert_shot_is_drawn(self, arrays, frame):
+        """Where the page's numbers have it, until it is switched off."""
+        place = arrays.array("shot_place_m")[3 * frame:3 * frame + 3]
+        drawn = self.driver.execute_script(
+            "const { asked, shot } = window.sightline.view.marks; return [shot.visible, ...asked.position.toArray()]")
+        self.assertTrue(drawn[0])
+        for a, b in zip(drawn[1:], place):
+            self.assertAlmostEqual(a, b, places=6)
+        self.find('[data-toggle="shot"]').click()
+        self.rest()
+        self.assertFalse(self.driver.execute_script("return window.sightline.view.marks.shot.visible"))
+        self.find('[data-toggle="shot"]').click()
+        self.rest()
 
     def test_the_lanes_of_motion_are_those_of_the_trace(self):
         columns = {name: [float(row[name]) for row in self.rows] for name in ("pose_time_s", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw", "clearance_m")}

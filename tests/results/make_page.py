@@ -3,11 +3,13 @@
 
     make_page.py [FOLDER]                                   # FOLDER of the page; default: the folder of this script
     make_page.py [FOLDER] --raw DIR --how KEY=VALUE ...
+    make_page.py [FOLDER] --renew DIR
 
 With --raw, the page's tables and plots are first made anew from what make.sh measured: DIR/table1.csv by step_bench, and the folders
 DIR/hall, DIR/hall-front, DIR/fence and DIR/agile, the same with -embree, DIR/scenes, DIR/keep-shot, DIR/roofs, DIR/named-shots, DIR/worth-ceiling,
 DIR/levels and DIR/ceiling by `sightline evaluate`. Any but
 hall and fence may be missing; then the page keeps the tables that it has. HOW says how it was measured.
+With --renew, the runs of DIR replace those of the same scenes, seeds and policies, as after `make.sh --own`.
 """
 import argparse
 import json
@@ -71,9 +73,49 @@ def take_over(folder, raw, how):
         write_table(folder / "ceiling.csv", CEILING_COLUMNS, select(read_table(raw / "ceiling" / "runs.csv"), policy="ceiling"))
     if (raw / "levels").exists():
         write_table(folder / "levels.csv", LEVEL_COLUMNS, read_table(raw / "levels" / "runs.csv"))
+    take_over_reasons(folder, raw)
     for name, plot in plots.items():
         (folder / "plots" / name).write_text(plot, encoding="utf-8")
     (folder / "how.json").write_text(json.dumps(how, indent=2) + "\n", encoding="utf-8")
+
+
+def take_over_reasons(folder, raw):
+    """Sums of the default's claims over all runs."""
+    rows = [row for name in ("scenes", "levels", "roofs") if (raw / name / "reasons.csv").exists()
+            for row in select(read_table(raw / name / "reasons.csv"), policy="sightline")]
+    sums = [{"reason": reason, "runs": len(of := select(rows, reason=reason)), "claims": sum(row["claims"] for row in of), "false_claims": sum(row["false_claims"] for row in of)}
+            for reason in sorted(distinct(rows, "reason"))]
+    if sums:
+        write_table(folder / "reasons.csv", list(sums[0]), sums)
+
+
+# The tables whose rows are single runs: the folder below DIR, and its columns.
+RUN_TABLES = (("scenes", "scenes", RUN_COLUMNS), ("shots", "scenes", SHOT_COLUMNS), ("levels", "levels", LEVEL_COLUMNS), ("roofs", "roofs", SHOT_COLUMNS),
+              ("keep-shot", "keep-shot", TRADE_COLUMNS), ("named-shots", "named-shots", SHOT_COLUMNS), ("worth-ceiling", "worth-ceiling", WORTH_CEILING_COLUMNS))
+
+
+def renew(folder, raw):
+    """Puts the runs of DIR in the place of those with the same scene, seed and policy, and beside those of other policies in the same scenes and seeds. All others stay."""
+    key = lambda row: (row["scene"], row["seed"], row["policy"])
+    newest = {}  # by scene and seed, of the default
+    for name, source, columns in RUN_TABLES:
+        path = folder / (name + ".csv")
+        if not path.exists() or not (raw / source / "runs.csv").exists():
+            continue
+        new = {key(row): row for row in read_table(raw / source / "runs.csv")}
+        newest |= {of[:2]: row for of, row in new.items() if of[2] == "sightline"}
+        old = read_table(path)
+        rows = {key(row): row for row in old} | {of: row for of, row in new.items() if of[:2] in {key(row)[:2] for row in old}}
+        places = [distinct(old, name) for name in ("scene", "seed", "policy")]
+        write_table(path, columns, sorted(rows.values(), key=lambda row: [place.index(value) for place, value in zip(places, key(row))]))
+    if (folder / "worth.csv").exists():
+        rows = read_table(folder / "worth.csv")
+        write_table(folder / "worth.csv", list(rows[0]), [row if row["build"] != "now" else row | newest.get((row["scene"], row["seed"]), {}) for row in rows])
+    take_over_reasons(folder, raw)
+    if (raw / "scenes").exists():
+        (folder / "plots" / "bars-joint_visible_share.svg").write_text(joint_plot(read_table(folder / "scenes.csv")), encoding="utf-8")
+    if (raw / "hall-s1").exists():
+        (folder / "plots" / "hall-s1-share.svg").write_text(shares_plot(read_table(raw / "hall-s1" / "pictures.csv")), encoding="utf-8")
 
 
 # ---- plots ----
@@ -118,7 +160,7 @@ def make_page(folder):
     ceilings = [row for row in measured_ceilings(folder) if row["scene"] in distinct(runs, "scene")]
     front, agile, shots, worths, trades = (read_table(folder / name) if (folder / name).exists() else [] for name in MORE_TABLES)
     parts = [introduction(how, times), claims_part(times, models, stabilities, shot_claims(shots), scene_claims(runs, ceilings, former_runs(folder, "scenes")), former_costs(folder)), notes_part(folder), table1_part(times),
-             table2_part(models, front), table3_part(stabilities, agile), shots_part(shots), trade_part(trades), worth_part(worths), *more_shot_parts(folder), scenes_part(runs), *ceiling_part(ceilings, runs), reports_part(runs)]
+             table2_part(models, front), table3_part(stabilities, agile), shots_part(shots), trade_part(trades), worth_part(worths), *more_shot_parts(folder), scenes_part(runs), *ceiling_part(ceilings, runs), reports_part(runs), *reasons_part(folder)]
     return "\n".join(parts)
 
 
@@ -299,6 +341,28 @@ status. *TRACKING, half hidden*: share of the pictures that have this status alt
                 "false visible", "false occluded", "TRACKING, lost", "lost, TRACKING", "TRACKING, half hidden"], rows)
 
 
+# What each claim says, in the order of the page.
+CLAIMS = {"at_desired_place": "all targets are visible from where the camera goes, which keeps the shot", "other_shot": "all are, from another side than the asked one",
+          "best_all_visible": "all are, in another shot", "nearest_view": "some target is", "best_partial": "no position in reach sees all targets", "horizon_grown": "none sees any target",
+          "on_trail": "none sees any target", "obstruction_expected": "a target will be hidden from the place of the shot in so many seconds",
+          "obstruction_not_expected": "(nothing was said 0.2 s before a target was hidden from there)"}
+
+
+def reasons_part(folder):
+    if not (folder / "reasons.csv").exists():
+        return []
+    counts = {row["reason"]: row for row in read_table(folder / "reasons.csv")}
+    rows = [[claim, words, int(counts[claim]["claims"]), int(counts[claim]["false_claims"]), percent(counts[claim]["false_claims"] / counts[claim]["claims"], 2)]
+            for claim, words in CLAIMS.items() if claim in counts]
+    return ["""## Are the reasons true?
+
+What the default's reasons say of places, against 32 rays to each target in the true scene, over all runs of the scenes, levels and roofs that were played for it (`reasons.csv`). A place that is
+said to see a target is false if no ray is free. A position in reach is overlooked if half of the rays to each target are free from there. An expected obstruction is false if no ray to the
+target's middle is blocked within 0.2 s of the time that was told.
+
+""" + markdown(["<claim", "<it says", "claims", "false", "share"], rows)]
+
+
 def report_row(scene, runs):
     for run in runs:
         run["reported_visible_pairs"] = (run["reported_pairs"] or 0) - (run["reported_hidden_pairs"] or 0)
@@ -316,6 +380,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", nargs="?", type=pathlib.Path, default=pathlib.Path(__file__).resolve().parent)
     parser.add_argument("--raw", type=pathlib.Path)
+    parser.add_argument("--renew", type=pathlib.Path)
     parser.add_argument("--how", action="append", default=[], metavar="KEY=VALUE", help=", ".join(HOW_KEYS))
     options = parser.parse_args()
     if options.raw:
@@ -323,6 +388,8 @@ def main():
         if set(how) != set(HOW_KEYS):
             parser.error("--how must give " + ", ".join(HOW_KEYS))
         take_over(options.folder, options.raw, how)
+    if options.renew:
+        renew(options.folder, options.renew)
     (options.folder / "README.md").write_text(make_page(options.folder), encoding="utf-8")
     if (options.folder / "levels.csv").exists():
         (options.folder / "levels.md").write_text(levels_page(options.folder, measured_ceilings(options.folder)), encoding="utf-8")

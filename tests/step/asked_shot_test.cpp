@@ -417,6 +417,53 @@ TEST(AskedShot, TheReportNamesWhatHidesTheTargetFromThePlaceOfTheShot) {
   EXPECT_GT(result.shot->deviation.side + result.shot->deviation.height + result.shot->deviation.size, 0.0) << "it evades";
 }
 
+// A walker at 1.5 m/s is filmed from the side, 5 m away, and passes behind a pillar of 0.6 m that stands half way. The middle of the walker is hidden from the place of the
+// shot, which goes along, while it is less than 0.3 m from the pillar.
+TEST(AskedShot, TheReportForeseesWhatWillHideAWalker) {
+  constexpr double kSpeedMps = 1.5, kPillarM = 6.0;
+  Shown world({0, 1.6, 5});
+  world.add_box(9, {kPillarM, 2, 2.5}, {0.3, 2, 0.05});
+  Watch watch(world);
+  int told = 0;
+  for (int i = 0; i < 400; ++i) {
+    const double x_m = kSpeedMps * i * kTick, hidden_in_s = (kPillarM - 0.3 - x_m) / kSpeedMps;
+    world.move(1, {x_m, 1, 0}, {kSpeedMps, 0, 0});
+    const StepResult result = watch.step();
+    ASSERT_TRUE(result.shot);
+    if (i < 60) continue;  // the camera and the shot are still getting to their pace
+    EXPECT_LT(glm::distance(result.shot->place_m, glm::dvec3(x_m, 1.6, 5)), 0.1) << i;
+    if (hidden_in_s > 1.35 || x_m > kPillarM + 0.5) {
+      EXPECT_EQ(result.shot->soon_by, 0u) << i;
+    }
+    if (hidden_in_s > 1.1 || hidden_in_s < 0.15) continue;
+    EXPECT_EQ(result.shot->soon_by, 9u) << i;
+    EXPECT_EQ(result.shot->soon_target, 1u) << i;
+    EXPECT_NEAR(result.shot->soon_s, hidden_in_s, 0.12) << i;
+    ++told;
+  }
+  EXPECT_GT(told, 50);
+}
+
+TEST(AskedShot, TheReportForeseesSomebodyElseWhoComesBetween) {
+  Shown world({0, 1.6, 6});
+  InstanceAttributes passes;
+  world.add_box(9, {-6, 1.4, 3}, {0.25, 1.4, 0.25}, passes);
+  Watch watch(world);
+  for (int i = 0; i < 240; ++i) {
+    const double x_m = -6 + 1.5 * i * kTick, hidden_in_s = (-0.25 - x_m) / 1.5;
+    world.move(9, {x_m, 1.4, 3}, {1.5, 0, 0});
+    const StepResult result = watch.step();
+    ASSERT_TRUE(result.shot);
+    if (i < 30 || hidden_in_s < 0.15) continue;
+    if (hidden_in_s > 1.35) {
+      EXPECT_EQ(result.shot->soon_by, 0u) << i;
+    }
+    if (hidden_in_s > 1.1) continue;
+    EXPECT_EQ(result.shot->soon_by, 9u) << i;
+    EXPECT_NEAR(result.shot->soon_s, hidden_in_s, 0.12) << i;
+  }
+}
+
 TEST(AskedShot, TheReportNamesTheLimitsThatTheShotBreaks) {
   Shown world({0, 1.6, 6});
   const auto limits_with = [&](double height_rad, double distance_m) {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <deque>
 #include <map>
+#include <numbers>
 #include <set>
 
 #include "server/base/random.h"
@@ -73,6 +74,17 @@ class RandomWalk {
   bool hid_lately(uint64_t id, uint64_t target) const {
     return std::ranges::any_of(hiders_, [&](const auto& at) { return at.contains({id, target}); });
   }
+  // Whether a picture from the goal has side, height and distance of the shot within the free bands of the contract: 30 degrees, 10 degrees, a factor of 1.19.
+  bool goal_keeps_shot() const {
+    constexpr double kGoalAheadS = 0.35, kDegree = std::numbers::pi / 180;
+    glm::dvec3 center_m(0.0), velocity_mps(0.0);
+    for (const TrackedTarget& target : world_.dump().targets.tracked_targets) center_m += target.aim_m / 2.0, velocity_mps += target.velocity_mps / 2.0;
+    const glm::dvec3 asked_m = place_of_shot_m() - center_m, now_m = *world_.stepper.carried().goal_m - center_m - velocity_mps * kGoalAheadS;
+    const auto height = [](const glm::dvec3& m) { return std::atan2(m.y, std::hypot(m.x, m.z)); };
+    const double side = std::remainder(std::atan2(now_m.x, now_m.z) - std::atan2(asked_m.x, asked_m.z), 2 * std::numbers::pi);
+    const double size = std::log2(glm::length(now_m) / glm::length(asked_m));
+    return std::abs(side) <= 30 * kDegree && std::abs(height(now_m) - height(asked_m)) <= 10 * kDegree && std::abs(size) <= 0.25;
+  }
   const World& world() const { return world_; }
 
  private:
@@ -109,7 +121,7 @@ class RandomWalk {
 
 TEST(Reasons, WhatIsSaidOfSightFromTheGoalIsSo) {
   std::map<MoveReason, int> given;
-  int named = 0, gives_up = 0;
+  int named = 0, gives_up = 0, compared = 0, decisions = 0;
   for (uint64_t seed = 1; seed <= kWorlds; ++seed) {
     RandomWalk walk(seed);
     for (int i = 0; i < kTicks; ++i) {
@@ -119,14 +131,31 @@ TEST(Reasons, WhatIsSaidOfSightFromTheGoalIsSo) {
       const std::string where = "seed " + std::to_string(seed) + ", tick " + std::to_string(i);
       ++given[result.reason];
       if (!walk.world().dump().decided) continue;  // what was said at the last decision
+      const ComparedCourses& courses = result.courses;
+      ASSERT_TRUE(courses.taken) << where;
+      if (*courses.taken != FlightCourse::kApproach) {
+        ASSERT_EQ(*courses.taken == FlightCourse::kFollow, walk.world().dump().decision.follows) << where;
+      }
+      if (courses.plan_loss && courses.taken == FlightCourse::kStay) {
+        ASSERT_LE(*courses.stay_loss, *courses.plan_loss) << where;
+      }
+      if (courses.plan_loss && courses.taken == FlightCourse::kPlan) {
+        ASSERT_LT(*courses.plan_loss, *courses.stay_loss) << where;
+      }
+      compared += courses.follow_loss && courses.plan_loss, ++decisions;
       switch (result.reason) {
         case MoveReason::kAtDesiredPlace:
+          ASSERT_EQ(walk.seen_from_chosen(), 0b11u) << where;
+          ASSERT_TRUE(!other || walk.goal_keeps_shot()) << where;
+          ASSERT_TRUE(result.courses.taken == FlightCourse::kFollow || walk.goal_keeps_shot()) << where;
+          break;
         case MoveReason::kOtherShot:
           ASSERT_EQ(walk.seen_from_chosen(), 0b11u) << where;
-          ASSERT_EQ(other, result.reason == MoveReason::kOtherShot) << where;
+          ASSERT_TRUE(other) << where;
           break;
         case MoveReason::kBestAllVisible:
           ASSERT_EQ(walk.seen_from_chosen(), 0b11u) << where;
+          ASSERT_FALSE(walk.goal_keeps_shot()) << where;
           break;
         case MoveReason::kBestPartial:
           ASSERT_FALSE(walk.some_candidate_sees_all()) << where;
@@ -147,6 +176,7 @@ TEST(Reasons, WhatIsSaidOfSightFromTheGoalIsSo) {
     }
   }
   for (const MoveReason reason : {MoveReason::kAtDesiredPlace, MoveReason::kOtherShot, MoveReason::kBestAllVisible, MoveReason::kStays}) EXPECT_GT(given[reason], 10) << to_string(reason);
+  EXPECT_GT(compared, decisions / 2);
   EXPECT_GT(named, 500);
   EXPECT_GT(gives_up, 200);
 }

@@ -104,6 +104,20 @@ TEST(ToProto, AReplySaysWhatWasAsked) {
   EXPECT_EQ(reply.depth_maps_size(), 0);
 }
 
+TEST(ToProto, ThePlaceOfTheShotIsInTheClientsConvention) {
+  v1::OpenSession open = make_open(), mirrored_open = unity_open();
+  open.mutable_camera()->mutable_position()->set_x(1), mirrored_open.mutable_camera()->mutable_position()->set_x(-1);
+  Wire wire(open), unity(mirrored_open);
+  for (uint64_t i = 1; i < 4; ++i) wire.play(make_tick(i)), unity.play(unity_tick(i));
+  const glm::dvec3 place = vec(wire.reply.shot().position()), mirrored = vec(unity.reply.shot().position());
+  expect_near(place, vec(wire.reply.pose().position()), 0.5);  // the session began there
+  expect_near(mirrored, {-place.x, place.y, place.z}, 1e-6);
+  EXPECT_GT(place.x, 0.5);
+  ASSERT_TRUE(wire.reply.has_courses());
+  EXPECT_NE(wire.reply.courses().taken(), v1::COURSE_UNSPECIFIED);
+  EXPECT_TRUE(wire.reply.courses().has_plan_loss());
+}
+
 TEST(ToProto, ADegradedReplySaysWhatWasUsed) {
   Wire wire(make_open());
   const v1::CameraReply& whole = wire.play(make_tick(1));

@@ -14,7 +14,7 @@ function graph(session, label, values, unit, digits, worst) {
   return {
     label,
     height: HEIGHT,
-    value: (frame) => (Number.isFinite(values[frame]) ? `${fixed(values[frame], digits)} ${unit}` : ''),
+    value: (frame) => (Number.isFinite(values[frame]) ? `${fixed(values[frame], digits)} ${unit}`.trim() : ''),
     draw(context, line, top, right) {
       const yOf = (value) => top + HEIGHT - 3 - Math.min(1, value / most) * (HEIGHT - 6);
       context.fillStyle = colour('line');
@@ -40,6 +40,7 @@ function graph(session, label, values, unit, digits, worst) {
 export function makeGraphLanes(session) {
   const motion = motionOf(session);
   return [
+    graph(session, 'Worth', session.worth, '', 2, Math.min),
     graph(session, 'Speed', motion.speed_mps, 'm/s', 1, Math.max),
     graph(session, 'Turn', motion.turn_radps, 'rad/s', 2, Math.max),
     graph(session, 'Jerk', motion.jerk_mps3, 'm/s³', 0, Math.max),

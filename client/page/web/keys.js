@@ -41,6 +41,7 @@ export function makeKeys({ player, events, view, timeline, press, help }) {
       [['1'], '1', 'Candidate cells', () => view && press('cells')],
       [['2'], '2', 'Sight lines and what blocks them', () => view && press('sight')],
       [['3'], '3', 'Paths', () => view && press('path')],
+      [['4'], '4', 'The camera of the asked shot', () => view && press('shot')],
       [['l'], 'L', 'Light or dark', () => press('theme')],
       [['?'], '?', 'This help', () => help()],
     ],

@@ -4,7 +4,7 @@ import { makeKeys } from './keys.js';
 import { FramePanel, showRun, showSettings } from './panel.js';
 import { Player, SPEEDS } from './player.js';
 import { SceneView } from './scene_view.js';
-import { eventFrames, readSession } from './session.js';
+import { eventFrames, readSession, textAt } from './session.js';
 import { Timeline } from './timeline.js';
 
 const get = (id) => document.getElementById(id);
@@ -101,7 +101,7 @@ function showTransport(session, player) {
     get('clock'),
     `${fixed(session.time_s[player.frame], 3)} / ${fixed(session.end_s, 3)} s   frame ${player.frame}`,
   );
-  setText(get('now-text'), session.words[session.text[player.frame]]);
+  setText(get('now-text'), textAt(session, player.frame));
 }
 
 function wireTabs() {

@@ -9,6 +9,7 @@ import {
   marksAt,
   occluderName,
   pictureAt,
+  shotAt,
   sightAt,
   stageTotalUs,
 } from './session.js';
@@ -46,6 +47,7 @@ export class FramePanel {
         ),
         element('ul', { id: 'frame-events', class: 'events' }),
       ),
+      this.shotGroup(),
       group('Targets', this.targetTable()),
       group(
         'Camera',
@@ -84,6 +86,7 @@ export class FramePanel {
     );
     this.fields = new Map([...root.querySelectorAll('[data-field]')].map((node) => [node.dataset.field, node]));
     this.cellBar = this.bars('cell-bar', ['seen', 'part', 'hidden']);
+    this.worthBar = root.querySelector('#worth-bar') && this.bars('worth-bar', ['seen']);
     this.stageBar = this.bars(
       'stage-bar',
       session.stages.map((_, i) => `stage-${i % 6}`),
@@ -138,6 +141,36 @@ export class FramePanel {
     return element('table', {}, element('thead', {}, head), body);
   }
 
+  // What was asked for, what the picture has, and why they differ.
+  shotGroup() {
+    if (![...this.session.worth].some(Number.isFinite)) return '';
+    const head = ['', 'asked', 'now', 'off'].map((text, i) =>
+      element('th', { text, scope: 'col', class: i ? 'number' : undefined }),
+    );
+    const rows = ['side', 'height', 'distance'].map((term) =>
+      element(
+        'tr',
+        {},
+        element('td', { class: 'name', text: term }),
+        ...['asked', 'now', 'off'].map((field) => element('td', { class: 'number', 'data-field': `${term}-${field}` })),
+      ),
+    );
+    const made = group(
+      'Shot',
+      element('div', { class: 'bar', id: 'worth-bar' }),
+      element('table', {}, element('thead', {}, element('tr', {}, ...head)), element('tbody', {}, ...rows)),
+      pairs([
+        ['lost from sight', 'sight_loss'],
+        ['off its place', 'off_place'],
+        ['in the way', 'in_the_way'],
+        ['course', 'course'],
+        ['expected loss', 'losses'],
+      ]),
+    );
+    made.querySelector('h3').append(element('span', { 'data-field': 'worth' }));
+    return made;
+  }
+
   pictureGroup() {
     if (!this.session.pictures.length) return '';
     const image = element('img', { id: 'picture', alt: '' });
@@ -163,6 +196,7 @@ export class FramePanel {
 
   show(frame) {
     this.showDecision(frame);
+    this.showShot(frame);
     this.session.targets.forEach((_, k) => this.showTarget(frame, k));
     this.showCamera(frame);
     this.showCells(frame);
@@ -177,6 +211,31 @@ export class FramePanel {
     this.set('cut', 'cut');
     this.fields.get('cut').hidden = !session.cut[frame];
     this.root.querySelector('#frame-events').replaceChildren(...marksAt(session, frame).map((mark) => markItem(mark)));
+  }
+
+  showShot(frame) {
+    if (!this.worthBar) return;
+    const shot = shotAt(this.session, frame);
+    const set = (field, text) => this.set(field, shot ? text() : DASH);
+    const percent = (share) => `${fixed(100 * share, 0)} %`;
+    set('worth', () => `worth ${fixed(shot.worth, 2)}`);
+    this.worthBar[0].style.width = `${100 * (shot ? shot.worth : 0)}%`;
+    for (const { term, asked, now, off } of shot ? shot.terms : []) {
+      const text = (value) => (term === 'distance' ? `${fixed(value, 1)} m` : `${fixed((value * 180) / Math.PI, 0)}°`);
+      this.set(`${term}-asked`, text(asked));
+      this.set(`${term}-now`, text(now));
+      this.set(`${term}-off`, percent(off));
+    }
+    set('sight_loss', () => percent(shot.sightLoss));
+    set('off_place', () => percent(shot.offPlace));
+    set('in_the_way', () => inTheWay(shot));
+    set('course', () => plain(shot.course));
+    set('losses', () =>
+      shot.losses
+        .filter(({ loss }) => Number.isFinite(loss))
+        .map(({ course, loss }) => `${plain(course)} ${percent(loss)}`)
+        .join(', ') || DASH,
+    );
   }
 
   showTarget(frame, k) {
@@ -254,6 +313,11 @@ export class FramePanel {
     image.alt = `What the camera saw at ${fixed(session.time_s[of], 2)} seconds`;
     this.set('picture_of', `frame ${of}, ${fixed(session.time_s[of], 2)} s`);
   }
+}
+
+function inTheWay({ hiddenBy, hiddenTarget, hiddenIn_s }) {
+  if (hiddenBy === null) return 'nothing';
+  return hiddenIn_s > 0 ? `${hiddenBy} hides ${hiddenTarget} in ${fixed(hiddenIn_s, 1)} s` : `${hiddenBy} hides ${hiddenTarget}`;
 }
 
 function markItem({ kind, text }, ...before) {

@@ -4,7 +4,7 @@ import { LineSegments2 } from 'three/addons/lines/LineSegments2.js';
 import { LineSegmentsGeometry } from 'three/addons/lines/LineSegmentsGeometry.js';
 import { LineMaterial } from 'three/addons/lines/LineMaterial.js';
 import { colour, targetColour } from './dom.js';
-import { LOOKS, cellCount, cellRowAt, eachCell, frameAt, look, sightAt, worstLook } from './session.js';
+import { LOOKS, cellCount, cellRowAt, eachCell, frameAt, look, shotAt, sightAt, worstLook } from './session.js';
 
 // In sessions longer than twice this, paths reach this far before and after the shown frame. Whole paths would cover the
 // scene.
@@ -34,6 +34,7 @@ export class SceneMarks {
     this.cells = this.makeCells();
     this.sight = new THREE.Group();
     this.rig = this.makeRig();
+    this.shot = this.makeShot();
     this.lines = fatLines(2);
     this.hidden = fatLines(2, {
       dashed: true,
@@ -47,7 +48,7 @@ export class SceneMarks {
     this.hits = session.targets.map(() => new THREE.Mesh(ball, new THREE.MeshBasicMaterial({ depthTest: false })));
     for (const hit of this.hits) hit.renderOrder = 7;
     this.sight.add(this.lines, this.hidden, ...this.hits);
-    this.group.add(this.paths, this.cells, this.chosen, this.sight, this.rig);
+    this.group.add(this.paths, this.cells, this.chosen, this.sight, this.rig, this.shot);
     this.recolour();
   }
 
@@ -140,6 +141,35 @@ export class SceneMarks {
     this.rig.quaternion.set(c[3], c[4], c[5], c[6]);
     const high = reach_m * Math.tan(this.session.fov_rad[frame] / 2);
     this.frustum.scale.set(high * this.session.aspect, high, reach_m);
+  }
+
+  // ---- the shot that was asked for: a camera at its place, and the way there ----
+
+  makeShot() {
+    this.shotMaterial = new THREE.LineDashedMaterial({ dashSize: 0.25, gapSize: 0.15 });
+    this.asked = new THREE.LineSegments(this.frustum.geometry, this.shotMaterial);
+    this.wayToShot = new THREE.Line(
+      new THREE.BufferGeometry().setAttribute('position', new THREE.Float32BufferAttribute(6, 3)),
+      this.shotMaterial,
+    );
+    this.wayToShot.frustumCulled = false;
+    this.asked.computeLineDistances();
+    return new THREE.Group().add(this.asked, this.wayToShot);
+  }
+
+  // It looks at `middle`, with the lens of the frame.
+  showShot(frame, on, middle, reach_m) {
+    const shot = on ? shotAt(this.session, frame) : null;
+    this.shot.visible = shot !== null;
+    if (!shot) return;
+    this.asked.position.set(...shot.place);
+    this.asked.lookAt(this.asked.position.clone().multiplyScalar(2).sub(middle)); // an object looks along +Z, a camera along -Z
+    this.asked.scale.copy(this.frustum.scale).multiplyScalar(reach_m / this.frustum.scale.z);
+    const ends = this.wayToShot.geometry.getAttribute('position');
+    ends.setXYZ(0, ...this.session.camera.subarray(7 * frame, 7 * frame + 3));
+    ends.setXYZ(1, ...shot.place);
+    ends.needsUpdate = true;
+    this.wayToShot.computeLineDistances();
   }
 
   // ---- cells ----
@@ -242,6 +272,7 @@ export class SceneMarks {
     this.colours = Object.fromEntries(LOOKS.map((name) => [name, new THREE.Color(colour(name))]));
     this.rigMaterial.color.set(colour('accent'));
     this.bodyMaterial.color.set(colour('accent'));
+    this.shotMaterial.color.set(colour('text'));
     this.chosen.material.color.set(colour('text'));
     for (const hit of this.hits) hit.material.color.set(colour('hidden'));
     this.cellRow = undefined;

@@ -43,7 +43,7 @@ export class SceneView {
     this.lens = new THREE.PerspectiveCamera();
     this.outside = new THREE.PerspectiveCamera(45);
     this.through = false;
-    this.shows = { follow: true, cut: this.meshes.hasRoof(), xray: false, cells: true, sight: true, path: true };
+    this.shows = { follow: true, cut: this.meshes.hasRoof(), xray: false, cells: true, sight: true, path: true, shot: true };
     this.size_m = this.meshes.size();
     this.placeOutside();
     this.listen();
@@ -158,7 +158,9 @@ export class SceneView {
       .map((_, k) => sightAt(session, frame, k))
       .filter(({ present, distance }) => present && distance > 0)
       .map(({ distance }) => distance);
-    this.marks.showRig(frame, 0.5 * Math.min(...away_m, 6));
+    const reach_m = 0.5 * Math.min(...away_m, 6);
+    this.marks.showRig(frame, reach_m);
+    this.marks.showShot(frame, this.shows.shot, this.middle(frame), 0.7 * reach_m);
     if (this.shows.path) this.marks.showPaths(frame);
     this.marks.showCells(frame, this.shows.cells);
     this.marks.sight.visible = this.shows.sight;

@@ -97,6 +97,40 @@ export function occluderName(session, id) {
   return (index !== undefined && session.instances[index].name) || `instance ${id}`;
 }
 
+const TERMS = ['side', 'height', 'distance'];
+const COURSES = ['FOLLOW', 'STAY', 'PLAN'];
+
+// The shot in force at a frame, and what was weighed against it; null: none was.
+export function shotAt(session, frame) {
+  if (!Number.isFinite(session.worth[frame])) return null;
+  const name = (index) => (index < 0 ? null : occluderName(session, session.occluders[index]));
+  return {
+    place: session.shot_place_m.subarray(3 * frame, 3 * frame + 3),
+    terms: TERMS.map((term, i) => ({
+      term,
+      asked: session.shot_asked[3 * frame + i],
+      now: session.shot_now[3 * frame + i],
+      off: session.shot_deviation[4 * frame + i],
+    })),
+    offPlace: session.shot_deviation[4 * frame + 3],
+    sightLoss: session.sight_loss[frame],
+    worth: session.worth[frame],
+    hiddenBy: name(session.shot_hidden_by[frame]),
+    hiddenTarget: name(session.shot_hidden_target[frame]),
+    hiddenIn_s: session.shot_hidden_in_s[frame],
+    course: session.words[session.course[frame]],
+    losses: COURSES.map((course, i) => ({ course, loss: session.course_losses[3 * frame + i] })),
+  };
+}
+
+// The sentence of a frame, with names in place of ids.
+export function textAt(session, frame) {
+  return session.words[session.text[frame]].replace(/\b(?:instance|target) (\d+)/g, (found, id) => {
+    const [index] = session.instancesOf.get(id) || [];
+    return (index !== undefined && session.instances[index].name) || found;
+  });
+}
+
 // The kept cells at or before a frame, as a row of cell_frame; -1: none yet.
 export function cellRowAt(session, frame) {
   let low = -1,

@@ -290,6 +290,83 @@ func (MoveReason) EnumDescriptor() ([]byte, []int) {
 	return file_sightline_v1_diagnostics_proto_rawDescGZIP(), []int{2}
 }
 
+// The ways in which the camera may go on.
+type Course int32
+
+const (
+	// Never sent.
+	Course_COURSE_UNSPECIFIED Course = 0
+	// To the place of the shot, or to the viewpoint that was chosen in its place (MOVE_REASON_OTHER_SHOT), and on with the targets from there.
+	Course_COURSE_FOLLOW Course = 1
+	// It stays where it is.
+	Course_COURSE_STAY Course = 2
+	// Along the cheapest way through the coming 1.2 s.
+	Course_COURSE_PLAN Course = 3
+	// To the nearest place that sees a target.
+	Course_COURSE_TO_VIEW Course = 4
+	// The way that the targets went.
+	Course_COURSE_TRAIL Course = 5
+	// Nearer to the place of the shot, since no place in reach sees a target.
+	Course_COURSE_APPROACH Course = 6
+	// Through the level to the nearest target.
+	Course_COURSE_FAR_WAY Course = 7
+	// Through a time of less sight to the place of the shot.
+	Course_COURSE_TO_SHOT Course = 8
+)
+
+// Enum value maps for Course.
+var (
+	Course_name = map[int32]string{
+		0: "COURSE_UNSPECIFIED",
+		1: "COURSE_FOLLOW",
+		2: "COURSE_STAY",
+		3: "COURSE_PLAN",
+		4: "COURSE_TO_VIEW",
+		5: "COURSE_TRAIL",
+		6: "COURSE_APPROACH",
+		7: "COURSE_FAR_WAY",
+		8: "COURSE_TO_SHOT",
+	}
+	Course_value = map[string]int32{
+		"COURSE_UNSPECIFIED": 0,
+		"COURSE_FOLLOW":      1,
+		"COURSE_STAY":        2,
+		"COURSE_PLAN":        3,
+		"COURSE_TO_VIEW":     4,
+		"COURSE_TRAIL":       5,
+		"COURSE_APPROACH":    6,
+		"COURSE_FAR_WAY":     7,
+		"COURSE_TO_SHOT":     8,
+	}
+)
+
+func (x Course) Enum() *Course {
+	p := new(Course)
+	*p = x
+	return p
+}
+
+func (x Course) String() string {
+	return protoimpl.X.EnumStringOf(x.Descriptor(), protoreflect.EnumNumber(x))
+}
+
+func (Course) Descriptor() protoreflect.EnumDescriptor {
+	return file_sightline_v1_diagnostics_proto_enumTypes[3].Descriptor()
+}
+
+func (Course) Type() protoreflect.EnumType {
+	return &file_sightline_v1_diagnostics_proto_enumTypes[3]
+}
+
+func (x Course) Number() protoreflect.EnumNumber {
+	return protoreflect.EnumNumber(x)
+}
+
+// Deprecated: Use Course.Descriptor instead.
+func (Course) EnumDescriptor() ([]byte, []int) {
+	return file_sightline_v1_diagnostics_proto_rawDescGZIP(), []int{3}
+}
+
 // Which volume of candidates a step used.
 type VolumeUsed int32
 
@@ -327,11 +404,11 @@ func (x VolumeUsed) String() string {
 }
 
 func (VolumeUsed) Descriptor() protoreflect.EnumDescriptor {
-	return file_sightline_v1_diagnostics_proto_enumTypes[3].Descriptor()
+	return file_sightline_v1_diagnostics_proto_enumTypes[4].Descriptor()
 }
 
 func (VolumeUsed) Type() protoreflect.EnumType {
-	return &file_sightline_v1_diagnostics_proto_enumTypes[3]
+	return &file_sightline_v1_diagnostics_proto_enumTypes[4]
 }
 
 func (x VolumeUsed) Number() protoreflect.EnumNumber {
@@ -340,7 +417,7 @@ func (x VolumeUsed) Number() protoreflect.EnumNumber {
 
 // Deprecated: Use VolumeUsed.Descriptor instead.
 func (VolumeUsed) EnumDescriptor() ([]byte, []int) {
-	return file_sightline_v1_diagnostics_proto_rawDescGZIP(), []int{3}
+	return file_sightline_v1_diagnostics_proto_rawDescGZIP(), []int{4}
 }
 
 // Why the lattice was used although pair volumes were asked for. With three or more targets: why one of them has no
@@ -393,11 +470,11 @@ func (x PairFallback) String() string {
 }
 
 func (PairFallback) Descriptor() protoreflect.EnumDescriptor {
-	return file_sightline_v1_diagnostics_proto_enumTypes[4].Descriptor()
+	return file_sightline_v1_diagnostics_proto_enumTypes[5].Descriptor()
 }
 
 func (PairFallback) Type() protoreflect.EnumType {
-	return &file_sightline_v1_diagnostics_proto_enumTypes[4]
+	return &file_sightline_v1_diagnostics_proto_enumTypes[5]
 }
 
 func (x PairFallback) Number() protoreflect.EnumNumber {
@@ -406,7 +483,7 @@ func (x PairFallback) Number() protoreflect.EnumNumber {
 
 // Deprecated: Use PairFallback.Descriptor instead.
 func (PairFallback) EnumDescriptor() ([]byte, []int) {
-	return file_sightline_v1_diagnostics_proto_rawDescGZIP(), []int{4}
+	return file_sightline_v1_diagnostics_proto_rawDescGZIP(), []int{5}
 }
 
 // An instance that hides a part of a target.
@@ -759,6 +836,80 @@ func (x *CandidateCounts) GetTargetVisibleCounts() []uint32 {
 	return nil
 }
 
+// The courses that a decision compared. A loss is the mean over the coming 1.2 s of what a picture is expected to lose of its worth (ShotReport.worth): what is hidden or cut off, and how
+// far it departs from the shot. It also holds a little for the length of the way, so it may exceed 1.
+type ComparedCourses struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// The course that the camera takes. It changes between COURSE_FOLLOW and the other two only when that gains for a while.
+	Taken Course `protobuf:"varint,1,opt,name=taken,proto3,enum=sightline.v1.Course" json:"taken,omitempty"`
+	// Expected loss of COURSE_FOLLOW. Absent: no straight way leads there, or the camera sees no target and does not compare.
+	FollowLoss *float64 `protobuf:"fixed64,2,opt,name=follow_loss,json=followLoss,proto3,oneof" json:"follow_loss,omitempty"`
+	// The same of COURSE_STAY.
+	StayLoss *float64 `protobuf:"fixed64,3,opt,name=stay_loss,json=stayLoss,proto3,oneof" json:"stay_loss,omitempty"`
+	// The same of COURSE_PLAN.
+	PlanLoss      *float64 `protobuf:"fixed64,4,opt,name=plan_loss,json=planLoss,proto3,oneof" json:"plan_loss,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *ComparedCourses) Reset() {
+	*x = ComparedCourses{}
+	mi := &file_sightline_v1_diagnostics_proto_msgTypes[4]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *ComparedCourses) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*ComparedCourses) ProtoMessage() {}
+
+func (x *ComparedCourses) ProtoReflect() protoreflect.Message {
+	mi := &file_sightline_v1_diagnostics_proto_msgTypes[4]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use ComparedCourses.ProtoReflect.Descriptor instead.
+func (*ComparedCourses) Descriptor() ([]byte, []int) {
+	return file_sightline_v1_diagnostics_proto_rawDescGZIP(), []int{4}
+}
+
+func (x *ComparedCourses) GetTaken() Course {
+	if x != nil {
+		return x.Taken
+	}
+	return Course_COURSE_UNSPECIFIED
+}
+
+func (x *ComparedCourses) GetFollowLoss() float64 {
+	if x != nil && x.FollowLoss != nil {
+		return *x.FollowLoss
+	}
+	return 0
+}
+
+func (x *ComparedCourses) GetStayLoss() float64 {
+	if x != nil && x.StayLoss != nil {
+		return *x.StayLoss
+	}
+	return 0
+}
+
+func (x *ComparedCourses) GetPlanLoss() float64 {
+	if x != nil && x.PlanLoss != nil {
+		return *x.PlanLoss
+	}
+	return 0
+}
+
 // Deviations of a step from what was asked. Each comment names the cause, and the setting to change if there is one.
 type StepFlags struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
@@ -791,7 +942,7 @@ type StepFlags struct {
 
 func (x *StepFlags) Reset() {
 	*x = StepFlags{}
-	mi := &file_sightline_v1_diagnostics_proto_msgTypes[4]
+	mi := &file_sightline_v1_diagnostics_proto_msgTypes[5]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -803,7 +954,7 @@ func (x *StepFlags) String() string {
 func (*StepFlags) ProtoMessage() {}
 
 func (x *StepFlags) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_diagnostics_proto_msgTypes[4]
+	mi := &file_sightline_v1_diagnostics_proto_msgTypes[5]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -816,7 +967,7 @@ func (x *StepFlags) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use StepFlags.ProtoReflect.Descriptor instead.
 func (*StepFlags) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_diagnostics_proto_rawDescGZIP(), []int{4}
+	return file_sightline_v1_diagnostics_proto_rawDescGZIP(), []int{5}
 }
 
 func (x *StepFlags) GetDtCapped() bool {
@@ -912,7 +1063,7 @@ type Degradation struct {
 
 func (x *Degradation) Reset() {
 	*x = Degradation{}
-	mi := &file_sightline_v1_diagnostics_proto_msgTypes[5]
+	mi := &file_sightline_v1_diagnostics_proto_msgTypes[6]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -924,7 +1075,7 @@ func (x *Degradation) String() string {
 func (*Degradation) ProtoMessage() {}
 
 func (x *Degradation) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_diagnostics_proto_msgTypes[5]
+	mi := &file_sightline_v1_diagnostics_proto_msgTypes[6]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -937,7 +1088,7 @@ func (x *Degradation) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use Degradation.ProtoReflect.Descriptor instead.
 func (*Degradation) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_diagnostics_proto_rawDescGZIP(), []int{5}
+	return file_sightline_v1_diagnostics_proto_rawDescGZIP(), []int{6}
 }
 
 func (x *Degradation) GetQualityLevel() uint32 {
@@ -1012,7 +1163,7 @@ type StageTimes struct {
 
 func (x *StageTimes) Reset() {
 	*x = StageTimes{}
-	mi := &file_sightline_v1_diagnostics_proto_msgTypes[6]
+	mi := &file_sightline_v1_diagnostics_proto_msgTypes[7]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1024,7 +1175,7 @@ func (x *StageTimes) String() string {
 func (*StageTimes) ProtoMessage() {}
 
 func (x *StageTimes) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_diagnostics_proto_msgTypes[6]
+	mi := &file_sightline_v1_diagnostics_proto_msgTypes[7]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1037,7 +1188,7 @@ func (x *StageTimes) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use StageTimes.ProtoReflect.Descriptor instead.
 func (*StageTimes) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_diagnostics_proto_rawDescGZIP(), []int{6}
+	return file_sightline_v1_diagnostics_proto_rawDescGZIP(), []int{7}
 }
 
 func (x *StageTimes) GetQueueUs() float32 {
@@ -1104,7 +1255,7 @@ type Candidates struct {
 
 func (x *Candidates) Reset() {
 	*x = Candidates{}
-	mi := &file_sightline_v1_diagnostics_proto_msgTypes[7]
+	mi := &file_sightline_v1_diagnostics_proto_msgTypes[8]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1116,7 +1267,7 @@ func (x *Candidates) String() string {
 func (*Candidates) ProtoMessage() {}
 
 func (x *Candidates) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_diagnostics_proto_msgTypes[7]
+	mi := &file_sightline_v1_diagnostics_proto_msgTypes[8]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1129,7 +1280,7 @@ func (x *Candidates) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use Candidates.ProtoReflect.Descriptor instead.
 func (*Candidates) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_diagnostics_proto_rawDescGZIP(), []int{7}
+	return file_sightline_v1_diagnostics_proto_rawDescGZIP(), []int{8}
 }
 
 func (x *Candidates) GetPositions() []float32 {
@@ -1182,7 +1333,7 @@ type DepthMap struct {
 
 func (x *DepthMap) Reset() {
 	*x = DepthMap{}
-	mi := &file_sightline_v1_diagnostics_proto_msgTypes[8]
+	mi := &file_sightline_v1_diagnostics_proto_msgTypes[9]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1194,7 +1345,7 @@ func (x *DepthMap) String() string {
 func (*DepthMap) ProtoMessage() {}
 
 func (x *DepthMap) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_diagnostics_proto_msgTypes[8]
+	mi := &file_sightline_v1_diagnostics_proto_msgTypes[9]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1207,7 +1358,7 @@ func (x *DepthMap) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use DepthMap.ProtoReflect.Descriptor instead.
 func (*DepthMap) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_diagnostics_proto_rawDescGZIP(), []int{8}
+	return file_sightline_v1_diagnostics_proto_rawDescGZIP(), []int{9}
 }
 
 func (x *DepthMap) GetTargetId() uint64 {
@@ -1293,7 +1444,7 @@ type DiagnosticsRequest struct {
 
 func (x *DiagnosticsRequest) Reset() {
 	*x = DiagnosticsRequest{}
-	mi := &file_sightline_v1_diagnostics_proto_msgTypes[9]
+	mi := &file_sightline_v1_diagnostics_proto_msgTypes[10]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -1305,7 +1456,7 @@ func (x *DiagnosticsRequest) String() string {
 func (*DiagnosticsRequest) ProtoMessage() {}
 
 func (x *DiagnosticsRequest) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_diagnostics_proto_msgTypes[9]
+	mi := &file_sightline_v1_diagnostics_proto_msgTypes[10]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -1318,7 +1469,7 @@ func (x *DiagnosticsRequest) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use DiagnosticsRequest.ProtoReflect.Descriptor instead.
 func (*DiagnosticsRequest) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_diagnostics_proto_rawDescGZIP(), []int{9}
+	return file_sightline_v1_diagnostics_proto_rawDescGZIP(), []int{10}
 }
 
 func (x *DiagnosticsRequest) GetCandidates() bool {
@@ -1370,7 +1521,18 @@ const file_sightline_v1_diagnostics_proto_rawDesc = "" +
 	"allVisible\x12!\n" +
 	"\fsome_visible\x18\x03 \x01(\rR\vsomeVisible\x12!\n" +
 	"\fnone_visible\x18\x04 \x01(\rR\vnoneVisible\x122\n" +
-	"\x15target_visible_counts\x18\x05 \x03(\rR\x13targetVisibleCounts\"\xe7\x02\n" +
+	"\x15target_visible_counts\x18\x05 \x03(\rR\x13targetVisibleCounts\"\xd3\x01\n" +
+	"\x0fComparedCourses\x12*\n" +
+	"\x05taken\x18\x01 \x01(\x0e2\x14.sightline.v1.CourseR\x05taken\x12$\n" +
+	"\vfollow_loss\x18\x02 \x01(\x01H\x00R\n" +
+	"followLoss\x88\x01\x01\x12 \n" +
+	"\tstay_loss\x18\x03 \x01(\x01H\x01R\bstayLoss\x88\x01\x01\x12 \n" +
+	"\tplan_loss\x18\x04 \x01(\x01H\x02R\bplanLoss\x88\x01\x01B\x0e\n" +
+	"\f_follow_lossB\f\n" +
+	"\n" +
+	"_stay_lossB\f\n" +
+	"\n" +
+	"_plan_loss\"\xe7\x02\n" +
 	"\tStepFlags\x12\x1b\n" +
 	"\tdt_capped\x18\x01 \x01(\bR\bdtCapped\x12\"\n" +
 	"\rused_cube_map\x18\x02 \x01(\bR\vusedCubeMap\x12!\n" +
@@ -1463,7 +1625,17 @@ const file_sightline_v1_diagnostics_proto_rawDesc = "" +
 	"\x15MOVE_REASON_BEST_SOON\x10\x0f\x12\x15\n" +
 	"\x11MOVE_REASON_STAYS\x10\x10\x12\x1c\n" +
 	"\x18MOVE_REASON_NEAREST_VIEW\x10\x11\x12\x17\n" +
-	"\x13MOVE_REASON_FAR_WAY\x10\x12*X\n" +
+	"\x13MOVE_REASON_FAR_WAY\x10\x12*\xb8\x01\n" +
+	"\x06Course\x12\x16\n" +
+	"\x12COURSE_UNSPECIFIED\x10\x00\x12\x11\n" +
+	"\rCOURSE_FOLLOW\x10\x01\x12\x0f\n" +
+	"\vCOURSE_STAY\x10\x02\x12\x0f\n" +
+	"\vCOURSE_PLAN\x10\x03\x12\x12\n" +
+	"\x0eCOURSE_TO_VIEW\x10\x04\x12\x10\n" +
+	"\fCOURSE_TRAIL\x10\x05\x12\x13\n" +
+	"\x0fCOURSE_APPROACH\x10\x06\x12\x12\n" +
+	"\x0eCOURSE_FAR_WAY\x10\a\x12\x12\n" +
+	"\x0eCOURSE_TO_SHOT\x10\b*X\n" +
 	"\n" +
 	"VolumeUsed\x12\x1b\n" +
 	"\x17VOLUME_USED_UNSPECIFIED\x10\x00\x12\x17\n" +
@@ -1490,36 +1662,39 @@ func file_sightline_v1_diagnostics_proto_rawDescGZIP() []byte {
 	return file_sightline_v1_diagnostics_proto_rawDescData
 }
 
-var file_sightline_v1_diagnostics_proto_enumTypes = make([]protoimpl.EnumInfo, 5)
-var file_sightline_v1_diagnostics_proto_msgTypes = make([]protoimpl.MessageInfo, 10)
+var file_sightline_v1_diagnostics_proto_enumTypes = make([]protoimpl.EnumInfo, 6)
+var file_sightline_v1_diagnostics_proto_msgTypes = make([]protoimpl.MessageInfo, 11)
 var file_sightline_v1_diagnostics_proto_goTypes = []any{
 	(TargetState)(0),           // 0: sightline.v1.TargetState
 	(TrackingStatus)(0),        // 1: sightline.v1.TrackingStatus
 	(MoveReason)(0),            // 2: sightline.v1.MoveReason
-	(VolumeUsed)(0),            // 3: sightline.v1.VolumeUsed
-	(PairFallback)(0),          // 4: sightline.v1.PairFallback
-	(*Occluder)(nil),           // 5: sightline.v1.Occluder
-	(*SightForecast)(nil),      // 6: sightline.v1.SightForecast
-	(*TargetVisibility)(nil),   // 7: sightline.v1.TargetVisibility
-	(*CandidateCounts)(nil),    // 8: sightline.v1.CandidateCounts
-	(*StepFlags)(nil),          // 9: sightline.v1.StepFlags
-	(*Degradation)(nil),        // 10: sightline.v1.Degradation
-	(*StageTimes)(nil),         // 11: sightline.v1.StageTimes
-	(*Candidates)(nil),         // 12: sightline.v1.Candidates
-	(*DepthMap)(nil),           // 13: sightline.v1.DepthMap
-	(*DiagnosticsRequest)(nil), // 14: sightline.v1.DiagnosticsRequest
-	(*Pose3)(nil),              // 15: sightline.v1.Pose3
+	(Course)(0),                // 3: sightline.v1.Course
+	(VolumeUsed)(0),            // 4: sightline.v1.VolumeUsed
+	(PairFallback)(0),          // 5: sightline.v1.PairFallback
+	(*Occluder)(nil),           // 6: sightline.v1.Occluder
+	(*SightForecast)(nil),      // 7: sightline.v1.SightForecast
+	(*TargetVisibility)(nil),   // 8: sightline.v1.TargetVisibility
+	(*CandidateCounts)(nil),    // 9: sightline.v1.CandidateCounts
+	(*ComparedCourses)(nil),    // 10: sightline.v1.ComparedCourses
+	(*StepFlags)(nil),          // 11: sightline.v1.StepFlags
+	(*Degradation)(nil),        // 12: sightline.v1.Degradation
+	(*StageTimes)(nil),         // 13: sightline.v1.StageTimes
+	(*Candidates)(nil),         // 14: sightline.v1.Candidates
+	(*DepthMap)(nil),           // 15: sightline.v1.DepthMap
+	(*DiagnosticsRequest)(nil), // 16: sightline.v1.DiagnosticsRequest
+	(*Pose3)(nil),              // 17: sightline.v1.Pose3
 }
 var file_sightline_v1_diagnostics_proto_depIdxs = []int32{
 	0,  // 0: sightline.v1.TargetVisibility.state:type_name -> sightline.v1.TargetState
-	5,  // 1: sightline.v1.TargetVisibility.occluders:type_name -> sightline.v1.Occluder
-	6,  // 2: sightline.v1.TargetVisibility.forecast:type_name -> sightline.v1.SightForecast
-	15, // 3: sightline.v1.DepthMap.view:type_name -> sightline.v1.Pose3
-	4,  // [4:4] is the sub-list for method output_type
-	4,  // [4:4] is the sub-list for method input_type
-	4,  // [4:4] is the sub-list for extension type_name
-	4,  // [4:4] is the sub-list for extension extendee
-	0,  // [0:4] is the sub-list for field type_name
+	6,  // 1: sightline.v1.TargetVisibility.occluders:type_name -> sightline.v1.Occluder
+	7,  // 2: sightline.v1.TargetVisibility.forecast:type_name -> sightline.v1.SightForecast
+	3,  // 3: sightline.v1.ComparedCourses.taken:type_name -> sightline.v1.Course
+	17, // 4: sightline.v1.DepthMap.view:type_name -> sightline.v1.Pose3
+	5,  // [5:5] is the sub-list for method output_type
+	5,  // [5:5] is the sub-list for method input_type
+	5,  // [5:5] is the sub-list for extension type_name
+	5,  // [5:5] is the sub-list for extension extendee
+	0,  // [0:5] is the sub-list for field type_name
 }
 
 func init() { file_sightline_v1_diagnostics_proto_init() }
@@ -1529,13 +1704,14 @@ func file_sightline_v1_diagnostics_proto_init() {
 	}
 	file_sightline_v1_camera_proto_init()
 	file_sightline_v1_diagnostics_proto_msgTypes[1].OneofWrappers = []any{}
+	file_sightline_v1_diagnostics_proto_msgTypes[4].OneofWrappers = []any{}
 	type x struct{}
 	out := protoimpl.TypeBuilder{
 		File: protoimpl.DescBuilder{
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
 			RawDescriptor: unsafe.Slice(unsafe.StringData(file_sightline_v1_diagnostics_proto_rawDesc), len(file_sightline_v1_diagnostics_proto_rawDesc)),
-			NumEnums:      5,
-			NumMessages:   10,
+			NumEnums:      6,
+			NumMessages:   11,
 			NumExtensions: 0,
 			NumServices:   0,
 		},

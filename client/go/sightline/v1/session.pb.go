@@ -931,7 +931,7 @@ type CameraReply struct {
 	CandidateCounts *CandidateCounts `protobuf:"bytes,10,opt,name=candidate_counts,json=candidateCounts,proto3" json:"candidate_counts,omitempty"`
 	// The targets that the camera sees, and what it does if it sees none.
 	Status TrackingStatus `protobuf:"varint,11,opt,name=status,proto3,enum=sightline.v1.TrackingStatus" json:"status,omitempty"`
-	// The reason for the camera's motion.
+	// The reason for the camera's motion, as of the newest decision.
 	Reason MoveReason `protobuf:"varint,12,opt,name=reason,proto3,enum=sightline.v1.MoveReason" json:"reason,omitempty"`
 	// The reason as one sentence for a person.
 	ReasonText string `protobuf:"bytes,13,opt,name=reason_text,json=reasonText,proto3" json:"reason_text,omitempty"`
@@ -964,7 +964,9 @@ type CameraReply struct {
 	// Id of the instance that is in the camera's way; only with TRACKING_STATUS_BLOCKED. 0: no single instance is.
 	BlockedBy uint64 `protobuf:"fixed64,26,opt,name=blocked_by,json=blockedBy,proto3" json:"blocked_by,omitempty"`
 	// The shot in force, and how far this pose departs from it. Absent: no target has a weight, or the settings keep no shot (FOLLOW_STAY).
-	Shot          *ShotReport `protobuf:"bytes,27,opt,name=shot,proto3" json:"shot,omitempty"`
+	Shot *ShotReport `protobuf:"bytes,27,opt,name=shot,proto3" json:"shot,omitempty"`
+	// The course of the newest decision, and the others that it was compared with. Absent: no target has a weight, or the preset is PRESET_PAPER.
+	Courses       *ComparedCourses `protobuf:"bytes,28,opt,name=courses,proto3" json:"courses,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -1188,6 +1190,13 @@ func (x *CameraReply) GetShot() *ShotReport {
 	return nil
 }
 
+func (x *CameraReply) GetCourses() *ComparedCourses {
+	if x != nil {
+		return x.Courses
+	}
+	return nil
+}
+
 // The replied pose as seen from a target, in two frames. Both have their origin at the origin of the target's instance, and both are
 // in the client's convention. Composed with the target's newest transform, the camera moves along with what the target did since.
 type RelativePose struct {
@@ -1382,7 +1391,8 @@ const file_sightline_v1_session_proto_rawDesc = "" +
 	"\x04pose\x18\x01 \x01(\v2\x13.sightline.v1.Pose3R\x04pose\x12.\n" +
 	"\bvelocity\x18\x02 \x01(\v2\x12.sightline.v1.Vec3R\bvelocity\x12\x10\n" +
 	"\x03cut\x18\x03 \x01(\bR\x03cut\x12=\n" +
-	"\x10angular_velocity\x18\x04 \x01(\v2\x12.sightline.v1.Vec3R\x0fangularVelocity\"\xf1\t\n" +
+	"\x10angular_velocity\x18\x04 \x01(\v2\x12.sightline.v1.Vec3R\x0fangularVelocity\"\xaa\n" +
+	"\n" +
 	"\vCameraReply\x12\x1a\n" +
 	"\bsequence\x18\x01 \x01(\x04R\bsequence\x12\x15\n" +
 	"\x06time_s\x18\x02 \x01(\x01R\x05timeS\x12\x1e\n" +
@@ -1419,7 +1429,8 @@ const file_sightline_v1_session_proto_rawDesc = "" +
 	"\x06view_s\x18\x19 \x01(\x01H\x00R\x05viewS\x88\x01\x01\x12\x1d\n" +
 	"\n" +
 	"blocked_by\x18\x1a \x01(\x06R\tblockedBy\x12,\n" +
-	"\x04shot\x18\x1b \x01(\v2\x18.sightline.v1.ShotReportR\x04shotB\t\n" +
+	"\x04shot\x18\x1b \x01(\v2\x18.sightline.v1.ShotReportR\x04shot\x127\n" +
+	"\acourses\x18\x1c \x01(\v2\x1d.sightline.v1.ComparedCoursesR\acoursesB\t\n" +
 	"\a_view_s\"\x90\x01\n" +
 	"\fRelativePose\x12\x1b\n" +
 	"\ttarget_id\x18\x01 \x01(\x06R\btargetId\x12'\n" +
@@ -1487,6 +1498,7 @@ var file_sightline_v1_session_proto_goTypes = []any{
 	(*DepthMap)(nil),           // 36: sightline.v1.DepthMap
 	(*Degradation)(nil),        // 37: sightline.v1.Degradation
 	(*ShotReport)(nil),         // 38: sightline.v1.ShotReport
+	(*ComparedCourses)(nil),    // 39: sightline.v1.ComparedCourses
 }
 var file_sightline_v1_session_proto_depIdxs = []int32{
 	12, // 0: sightline.v1.OpenSession.convention:type_name -> sightline.v1.Convention
@@ -1534,13 +1546,14 @@ var file_sightline_v1_session_proto_depIdxs = []int32{
 	36, // 42: sightline.v1.CameraReply.depth_maps:type_name -> sightline.v1.DepthMap
 	37, // 43: sightline.v1.CameraReply.degradation:type_name -> sightline.v1.Degradation
 	38, // 44: sightline.v1.CameraReply.shot:type_name -> sightline.v1.ShotReport
-	17, // 45: sightline.v1.RelativePose.pose:type_name -> sightline.v1.Pose3
-	17, // 46: sightline.v1.RelativePose.unrotated_pose:type_name -> sightline.v1.Pose3
-	47, // [47:47] is the sub-list for method output_type
-	47, // [47:47] is the sub-list for method input_type
-	47, // [47:47] is the sub-list for extension type_name
-	47, // [47:47] is the sub-list for extension extendee
-	0,  // [0:47] is the sub-list for field type_name
+	39, // 45: sightline.v1.CameraReply.courses:type_name -> sightline.v1.ComparedCourses
+	17, // 46: sightline.v1.RelativePose.pose:type_name -> sightline.v1.Pose3
+	17, // 47: sightline.v1.RelativePose.unrotated_pose:type_name -> sightline.v1.Pose3
+	48, // [48:48] is the sub-list for method output_type
+	48, // [48:48] is the sub-list for method input_type
+	48, // [48:48] is the sub-list for extension type_name
+	48, // [48:48] is the sub-list for extension extendee
+	0,  // [0:48] is the sub-list for field type_name
 }
 
 func init() { file_sightline_v1_session_proto_init() }

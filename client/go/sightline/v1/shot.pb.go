@@ -205,18 +205,18 @@ type Shot struct {
 	// How far from its place the aim may be at most. Up to there the camera turns calmly (Settings.aim_response_s); beyond it turns as fast as its limits allow. Each
 	// is 0, for no such limit, or [0.02, 2], and greater than in the dead zone. Default: none.
 	SoftZone *Shot_Zone `protobuf:"bytes,18,opt,name=soft_zone,json=softZone,proto3" json:"soft_zone,omitempty"`
-	// How much room the picture leaves before a subject that moves, as a share of half the picture's width, [0, 0.9]: it is placed that far from its place, away from
-	// where it goes, as far as it goes across the picture. The one that counts is the first of the subjects, or of the targets. Slower than 1 m/s it gets less
-	// room. The room grows and shrinks within about a second. Default: 0.
+	// The room that the picture leaves in the direction of a subject's motion, as a share of half the picture's width, [0, 0.9]. The targets are moved by so much from their
+	// places, away from that direction, if the subject moves straight across the picture; by less if it comes nearer or goes away, or is slower than 1 m/s. The subject is
+	// the instance of frame_id. The room grows and shrinks within about a second. Default: 0.
 	LeadRoom float64 `protobuf:"fixed64,19,opt,name=lead_room,json=leadRoom,proto3" json:"lead_room,omitempty"`
-	// True: the room is left where the subject faces (its `front`), not where it goes. For people who talk. Default: false.
+	// True: the room is left where the subject faces (its `front`), not where it goes, as for a person who talks. Default: false.
 	LeadByHeading bool `protobuf:"varint,20,opt,name=lead_by_heading,json=leadByHeading,proto3" json:"lead_by_heading,omitempty"`
 	// How far the camera leans to the side, [-pi/4, pi/4]. Positive: clockwise, seen from behind the camera, so that the horizon rises to the right. Default: 0. A roll of
 	// the first pose is undone.
 	RollRad float64 `protobuf:"fixed64,21,opt,name=roll_rad,json=rollRad,proto3" json:"roll_rad,omitempty"`
 	// The lens range of this shot in place of Settings.min_vertical_fov_rad and max_vertical_fov_rad: full angles of view, with axis and unit as the convention says, and
-	// the same ranges. Send both or neither. With `size`, the lens keeps the subjects' size where the camera cannot be as far away as it should. Without, it shows all
-	// targets with the framing margin, as Settings.min_vertical_fov_rad says.
+	// the same ranges. Send both or neither. In a shot with `size`, the lens keeps the subjects' size where the camera cannot be as far away as it should. In other shots it
+	// shows all targets with the framing margin, as Settings.min_vertical_fov_rad says.
 	MinFieldOfView float64 `protobuf:"fixed64,22,opt,name=min_field_of_view,json=minFieldOfView,proto3" json:"min_field_of_view,omitempty"`
 	// See min_field_of_view.
 	MaxFieldOfView float64 `protobuf:"fixed64,23,opt,name=max_field_of_view,json=maxFieldOfView,proto3" json:"max_field_of_view,omitempty"`
@@ -545,15 +545,20 @@ type ShotReport struct {
 	HiddenTarget uint64 `protobuf:"fixed64,10,opt,name=hidden_target,json=hiddenTarget,proto3" json:"hidden_target,omitempty"`
 	// Id of the instance that hid it last; 0: none.
 	HiddenBy uint64 `protobuf:"fixed64,9,opt,name=hidden_by,json=hiddenBy,proto3" json:"hidden_by,omitempty"`
-	// Where all targets together are wanted in the picture: as Shot.places says with the id 0, or, in a session without a Shot, where they were in the first picture; 0: in the
-	// middle. As Shot.Place.x.
+	// Where all targets together are wanted in the picture, as Shot.Place.x: the place with the id 0. In a session without a Shot, it is where they were in the first
+	// picture. 0: in the middle.
 	PlaceX float64 `protobuf:"fixed64,11,opt,name=place_x,json=placeX,proto3" json:"place_x,omitempty"`
 	// As Shot.Place.y.
 	PlaceY float64 `protobuf:"fixed64,12,opt,name=place_y,json=placeY,proto3" json:"place_y,omitempty"`
 	// As Shot.roll_rad. Free: 0, limit: pi/4. It does not count for the worth.
-	Roll          *ShotTerm `protobuf:"bytes,13,opt,name=roll,proto3" json:"roll,omitempty"`
-	unknownFields protoimpl.UnknownFields
-	sizeCache     protoimpl.SizeCache
+	Roll *ShotTerm `protobuf:"bytes,13,opt,name=roll,proto3" json:"roll,omitempty"`
+	// Where the camera would be for the shot as asked, within `limits`.
+	Position *Vec3 `protobuf:"bytes,14,opt,name=position,proto3" json:"position,omitempty"`
+	// What is expected to hide a target from the place of the shot. Absent: nothing is, as far as the paths of the targets and occluders can be predicted. Only with
+	// Settings.search_viewpoints.
+	NextObstruction *ShotObstruction `protobuf:"bytes,15,opt,name=next_obstruction,json=nextObstruction,proto3" json:"next_obstruction,omitempty"`
+	unknownFields   protoimpl.UnknownFields
+	sizeCache       protoimpl.SizeCache
 }
 
 func (x *ShotReport) Reset() {
@@ -677,6 +682,84 @@ func (x *ShotReport) GetRoll() *ShotTerm {
 	return nil
 }
 
+func (x *ShotReport) GetPosition() *Vec3 {
+	if x != nil {
+		return x.Position
+	}
+	return nil
+}
+
+func (x *ShotReport) GetNextObstruction() *ShotObstruction {
+	if x != nil {
+		return x.NextObstruction
+	}
+	return nil
+}
+
+// An instance that comes between a target and the place of the shot, if all of them move on as they do.
+type ShotObstruction struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// The target that it will hide.
+	Target uint64 `protobuf:"fixed64,1,opt,name=target,proto3" json:"target,omitempty"`
+	// Id of the instance, which may be another target.
+	HiddenBy uint64 `protobuf:"fixed64,2,opt,name=hidden_by,json=hiddenBy,proto3" json:"hidden_by,omitempty"`
+	// The time until then, seconds, [0, 1.2].
+	InS           float64 `protobuf:"fixed64,3,opt,name=in_s,json=inS,proto3" json:"in_s,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *ShotObstruction) Reset() {
+	*x = ShotObstruction{}
+	mi := &file_sightline_v1_shot_proto_msgTypes[3]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *ShotObstruction) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*ShotObstruction) ProtoMessage() {}
+
+func (x *ShotObstruction) ProtoReflect() protoreflect.Message {
+	mi := &file_sightline_v1_shot_proto_msgTypes[3]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use ShotObstruction.ProtoReflect.Descriptor instead.
+func (*ShotObstruction) Descriptor() ([]byte, []int) {
+	return file_sightline_v1_shot_proto_rawDescGZIP(), []int{3}
+}
+
+func (x *ShotObstruction) GetTarget() uint64 {
+	if x != nil {
+		return x.Target
+	}
+	return 0
+}
+
+func (x *ShotObstruction) GetHiddenBy() uint64 {
+	if x != nil {
+		return x.HiddenBy
+	}
+	return 0
+}
+
+func (x *ShotObstruction) GetInS() float64 {
+	if x != nil {
+		return x.InS
+	}
+	return 0
+}
+
 // Where a subject is wanted in the picture.
 type Shot_Place struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
@@ -692,7 +775,7 @@ type Shot_Place struct {
 
 func (x *Shot_Place) Reset() {
 	*x = Shot_Place{}
-	mi := &file_sightline_v1_shot_proto_msgTypes[3]
+	mi := &file_sightline_v1_shot_proto_msgTypes[4]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -704,7 +787,7 @@ func (x *Shot_Place) String() string {
 func (*Shot_Place) ProtoMessage() {}
 
 func (x *Shot_Place) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_shot_proto_msgTypes[3]
+	mi := &file_sightline_v1_shot_proto_msgTypes[4]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -754,7 +837,7 @@ type Shot_Zone struct {
 
 func (x *Shot_Zone) Reset() {
 	*x = Shot_Zone{}
-	mi := &file_sightline_v1_shot_proto_msgTypes[4]
+	mi := &file_sightline_v1_shot_proto_msgTypes[5]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -766,7 +849,7 @@ func (x *Shot_Zone) String() string {
 func (*Shot_Zone) ProtoMessage() {}
 
 func (x *Shot_Zone) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_shot_proto_msgTypes[4]
+	mi := &file_sightline_v1_shot_proto_msgTypes[5]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -854,7 +937,7 @@ const file_sightline_v1_shot_proto_rawDesc = "" +
 	"\bShotTerm\x12\x14\n" +
 	"\x05asked\x18\x01 \x01(\x01R\x05asked\x12\x10\n" +
 	"\x03now\x18\x02 \x01(\x01R\x03now\x12\x1c\n" +
-	"\tdeviation\x18\x03 \x01(\x01R\tdeviation\"\xf3\x03\n" +
+	"\tdeviation\x18\x03 \x01(\x01R\tdeviation\"\xed\x04\n" +
 	"\n" +
 	"ShotReport\x12*\n" +
 	"\x04side\x18\x01 \x01(\v2\x16.sightline.v1.ShotTermR\x04side\x12.\n" +
@@ -871,7 +954,13 @@ const file_sightline_v1_shot_proto_rawDesc = "" +
 	"\thidden_by\x18\t \x01(\x06R\bhiddenBy\x12\x17\n" +
 	"\aplace_x\x18\v \x01(\x01R\x06placeX\x12\x17\n" +
 	"\aplace_y\x18\f \x01(\x01R\x06placeY\x12*\n" +
-	"\x04roll\x18\r \x01(\v2\x16.sightline.v1.ShotTermR\x04roll*\xb5\x01\n" +
+	"\x04roll\x18\r \x01(\v2\x16.sightline.v1.ShotTermR\x04roll\x12.\n" +
+	"\bposition\x18\x0e \x01(\v2\x12.sightline.v1.Vec3R\bposition\x12H\n" +
+	"\x10next_obstruction\x18\x0f \x01(\v2\x1d.sightline.v1.ShotObstructionR\x0fnextObstruction\"Y\n" +
+	"\x0fShotObstruction\x12\x16\n" +
+	"\x06target\x18\x01 \x01(\x06R\x06target\x12\x1b\n" +
+	"\thidden_by\x18\x02 \x01(\x06R\bhiddenBy\x12\x11\n" +
+	"\x04in_s\x18\x03 \x01(\x01R\x03inS*\xb5\x01\n" +
 	"\tShotLimit\x12\x1a\n" +
 	"\x16SHOT_LIMIT_UNSPECIFIED\x10\x00\x12\x1b\n" +
 	"\x17SHOT_LIMIT_MIN_DISTANCE\x10\x01\x12\x1b\n" +
@@ -894,34 +983,37 @@ func file_sightline_v1_shot_proto_rawDescGZIP() []byte {
 }
 
 var file_sightline_v1_shot_proto_enumTypes = make([]protoimpl.EnumInfo, 2)
-var file_sightline_v1_shot_proto_msgTypes = make([]protoimpl.MessageInfo, 5)
+var file_sightline_v1_shot_proto_msgTypes = make([]protoimpl.MessageInfo, 6)
 var file_sightline_v1_shot_proto_goTypes = []any{
-	(ShotLimit)(0),     // 0: sightline.v1.ShotLimit
-	(Shot_Frame)(0),    // 1: sightline.v1.Shot.Frame
-	(*Shot)(nil),       // 2: sightline.v1.Shot
-	(*ShotTerm)(nil),   // 3: sightline.v1.ShotTerm
-	(*ShotReport)(nil), // 4: sightline.v1.ShotReport
-	(*Shot_Place)(nil), // 5: sightline.v1.Shot.Place
-	(*Shot_Zone)(nil),  // 6: sightline.v1.Shot.Zone
-	(*Vec3)(nil),       // 7: sightline.v1.Vec3
+	(ShotLimit)(0),          // 0: sightline.v1.ShotLimit
+	(Shot_Frame)(0),         // 1: sightline.v1.Shot.Frame
+	(*Shot)(nil),            // 2: sightline.v1.Shot
+	(*ShotTerm)(nil),        // 3: sightline.v1.ShotTerm
+	(*ShotReport)(nil),      // 4: sightline.v1.ShotReport
+	(*ShotObstruction)(nil), // 5: sightline.v1.ShotObstruction
+	(*Shot_Place)(nil),      // 6: sightline.v1.Shot.Place
+	(*Shot_Zone)(nil),       // 7: sightline.v1.Shot.Zone
+	(*Vec3)(nil),            // 8: sightline.v1.Vec3
 }
 var file_sightline_v1_shot_proto_depIdxs = []int32{
 	1,  // 0: sightline.v1.Shot.frame:type_name -> sightline.v1.Shot.Frame
-	7,  // 1: sightline.v1.Shot.front:type_name -> sightline.v1.Vec3
-	5,  // 2: sightline.v1.Shot.places:type_name -> sightline.v1.Shot.Place
-	6,  // 3: sightline.v1.Shot.dead_zone:type_name -> sightline.v1.Shot.Zone
-	6,  // 4: sightline.v1.Shot.soft_zone:type_name -> sightline.v1.Shot.Zone
+	8,  // 1: sightline.v1.Shot.front:type_name -> sightline.v1.Vec3
+	6,  // 2: sightline.v1.Shot.places:type_name -> sightline.v1.Shot.Place
+	7,  // 3: sightline.v1.Shot.dead_zone:type_name -> sightline.v1.Shot.Zone
+	7,  // 4: sightline.v1.Shot.soft_zone:type_name -> sightline.v1.Shot.Zone
 	3,  // 5: sightline.v1.ShotReport.side:type_name -> sightline.v1.ShotTerm
 	3,  // 6: sightline.v1.ShotReport.height:type_name -> sightline.v1.ShotTerm
 	3,  // 7: sightline.v1.ShotReport.distance:type_name -> sightline.v1.ShotTerm
 	3,  // 8: sightline.v1.ShotReport.place:type_name -> sightline.v1.ShotTerm
 	0,  // 9: sightline.v1.ShotReport.limits:type_name -> sightline.v1.ShotLimit
 	3,  // 10: sightline.v1.ShotReport.roll:type_name -> sightline.v1.ShotTerm
-	11, // [11:11] is the sub-list for method output_type
-	11, // [11:11] is the sub-list for method input_type
-	11, // [11:11] is the sub-list for extension type_name
-	11, // [11:11] is the sub-list for extension extendee
-	0,  // [0:11] is the sub-list for field type_name
+	8,  // 11: sightline.v1.ShotReport.position:type_name -> sightline.v1.Vec3
+	5,  // 12: sightline.v1.ShotReport.next_obstruction:type_name -> sightline.v1.ShotObstruction
+	13, // [13:13] is the sub-list for method output_type
+	13, // [13:13] is the sub-list for method input_type
+	13, // [13:13] is the sub-list for extension type_name
+	13, // [13:13] is the sub-list for extension extendee
+	0,  // [0:13] is the sub-list for field type_name
 }
 
 func init() { file_sightline_v1_shot_proto_init() }
@@ -940,7 +1032,7 @@ func file_sightline_v1_shot_proto_init() {
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
 			RawDescriptor: unsafe.Slice(unsafe.StringData(file_sightline_v1_shot_proto_rawDesc), len(file_sightline_v1_shot_proto_rawDesc)),
 			NumEnums:      2,
-			NumMessages:   5,
+			NumMessages:   6,
 			NumExtensions: 0,
 			NumServices:   0,
 		},

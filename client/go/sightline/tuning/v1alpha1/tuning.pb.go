@@ -942,7 +942,7 @@ func (x *CostWeights) GetSteadiness() float64 {
 	return 0
 }
 
-// The search for the sides, heights and distances from which the targets are visible. Each step takes depth maps all round one
+// The search for the sides, heights and distances from which the targets are visible. Each decision takes depth maps all round one
 // target. The search remembers which viewpoints they show, and from that chooses the shot that the camera tries to keep.
 type ViewpointSearchSettings struct {
 	state protoimpl.MessageState `protogen:"open.v1"`

@@ -1,0 +1,60 @@
+// Checks the reasons that a camera gives (server/move/decision.h) by rays in the true scene.
+//
+// Reasons speak of places: "all targets are visible from the position that keeps the shot", "no position in reach sees all targets". The camera knows these places by
+// depth maps of low resolution. Here each place is looked at with kClaimRays rays to every target.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "client/ceiling/sight.h"
+#include "client/truth/judge.h"
+#include "server/step/step_dump.h"
+
+namespace sightline {
+
+inline constexpr size_t kClaimRays = 32;
+// "Seen" and "not seen" are false only where they are clearly so: a target that is said to be seen must have one free ray, and one that is said to be hidden is not when
+// this share of its rays is free.
+inline constexpr double kClearlySeen = 0.5;
+
+// A reason, and the places that it speaks of.
+struct ReasonClaim {
+  MoveReason reason = MoveReason::kNoTargets;
+  double time_s = 0.0;                // of the decision
+  std::vector<uint64_t> target_ids;   // of the targets that the camera tries to show
+  std::optional<glm::dvec3> place_m;  // where the camera goes; world
+  std::vector<glm::dvec3> reach_m;    // all positions in reach; empty if the reason does not speak of them
+};
+// The claim of a step that decided; empty if its reason says nothing about places. `time_s`: of the step. In reach are the candidates where a body of this radius fits.
+std::optional<ReasonClaim> claim_of(const StepDump& dump, double time_s, double body_radius_m);
+
+enum class Verdict { kHolds, kFalse };
+// `sight` must have been refreshed at the claim's time.
+Verdict check_claim(const ReasonClaim& claim, const ScenarioWorld& world, const SightEstimate& sight);
+
+struct ReasonCount {
+  size_t claims = 0, false_claims = 0;
+};
+// By reason. `claims` are in the order of time; a claim that follows itself counts once.
+using ReasonCounts = std::map<MoveReason, ReasonCount>;
+ReasonCounts check_reasons(ScenarioWorld& world, ExtentCache& extents, std::span<const ReasonClaim> claims);
+
+// What a policy says of the place of its shot at one frame (ShotReport).
+struct AskedPlace {
+  double time_s = 0.0;
+  glm::dvec3 place_m{0.0};     // world
+  uint64_t soon_target = 0;    // the target that is expected to be hidden from there; 0: none
+  double soon_s = 0.0;         // when, from time_s on
+};
+// A target counts as hidden from the place if a ray to its aim point is.
+struct ObstructionCounts {
+  size_t announced = 0, came_true = 0;          // frames that expect one; those where it came, at most kAnnouncedWithinS before or after
+  size_t began = 0, began_announced = 0;        // times that a target was hidden for kObstructionS; those that were announced at least kWarningS before
+};
+inline constexpr double kAnnouncedWithinS = 0.2, kObstructionS = 0.2, kWarningS = 0.2;
+ObstructionCounts check_obstructions(ScenarioWorld& world, std::span<const AskedPlace> places);
+
+}  // namespace sightline
