@@ -65,6 +65,12 @@ struct ComparedCourses {
   std::optional<FlightCourse> taken;  // empty: the camera has no flight plan
   std::optional<double> follow_loss, stay_loss, plan_loss;  // empty: not compared, or the way is blocked
 };
+// For how long what a plan's reason says has been so, seconds. Maps that differ by a few texels see different targets, and a reason that changes with them tells a person nothing.
+struct HeldFacts {
+  double goal_sees_all_s = 0.0, goal_keeps_shot_s = 0.0, none_sees_all_s = 0.0;
+};
+inline constexpr double kFactHoldsS = 0.3;  // a reason says what has been so for this time
+
 struct WhatIsSeen {
   uint32_t from_goal = 0;     // the targets that the goal's candidate sees, one bit each
   uint32_t steered = 0;       // all that count

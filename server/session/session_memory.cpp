@@ -258,6 +258,11 @@ struct StateFields {
     auto& [by, pace, vector, beyond] = tracking;
     archive(by, pace, vector, beyond);
   }
+  template <typename A, SameAs<HeldFacts> T>
+  static void each(A& archive, T& facts) {
+    auto& [goal_sees_all_s, goal_keeps_shot_s, none_sees_all_s] = facts;
+    archive(goal_sees_all_s, goal_keeps_shot_s, none_sees_all_s);
+  }
   template <typename A, SameAs<ComparedCourses> T>
   static void each(A& archive, T& courses) {
     auto& [taken, follow_loss, stay_loss, plan_loss] = courses;
@@ -270,8 +275,8 @@ struct StateFields {
   }
   template <typename A, SameAs<DecisionInForce> T>
   static void each(A& archive, T& last) {
-    auto& [age_s, clock_s, is_due, tracking, status, reason, courses, view_way, sees_none, nearest_view, counts, target_ids, seen] = last;
-    archive(age_s, clock_s, is_due, tracking, status, reason, courses, view_way, sees_none, nearest_view, counts, target_ids, seen);
+    auto& [age_s, clock_s, is_due, tracking, status, reason, courses, facts, view_way, sees_none, nearest_view, counts, target_ids, seen] = last;
+    archive(age_s, clock_s, is_due, tracking, status, reason, courses, facts, view_way, sees_none, nearest_view, counts, target_ids, seen);
   }
   template <typename A, SameAs<CarriedState> T>
   static void each(A& archive, T& state) {

@@ -269,12 +269,27 @@ class GoalSearch {
     const uint32_t steered = in_.step.targets.steered;
     const WantedShot& shot = in_.carried.shot;
     goal.courses.taken = course;
-    goal.choice.reason = reason_of(course, {.from_goal = in_.sights.candidates.filtered()[candidate] & steered,
-                                            .steered = steered,
-                                            .somewhere_all = in_.sights.counts.all_visible > 0,
-                                            .other_shot = shot.other_viewpoint() || shot.in_line_m,
-                                            .keeps_shot = pricer_.keeps_shot(position_m, kGoalS)});
+    const WhatIsSeen seen{.from_goal = in_.sights.candidates.filtered()[candidate] & steered,
+                          .steered = steered,
+                          .somewhere_all = in_.sights.counts.all_visible > 0,
+                          .other_shot = shot.other_viewpoint() || shot.in_line_m,
+                          .keeps_shot = pricer_.keeps_shot(position_m, kGoalS)};
+    goal.facts = hold(seen);
+    goal.choice.reason = reason_of(course, course == FlightCourse::kPlan ? as_held(seen, goal.facts) : seen);
     return goal;
+  }
+  HeldFacts hold(const WhatIsSeen& seen) const {
+    const HeldFacts& before = in_.carried.in_force.facts;
+    const auto longer_s = [&](bool is_so, double before_s) { return is_so ? std::min(before_s + in_.step.decision_s, kFactHoldsS) : 0.0; };
+    return {longer_s(seen.from_goal == seen.steered, before.goal_sees_all_s), longer_s(seen.keeps_shot, before.goal_keeps_shot_s),
+            longer_s(!seen.somewhere_all, before.none_sees_all_s)};
+  }
+  // Without what has not held for long enough to be said.
+  static WhatIsSeen as_held(WhatIsSeen seen, const HeldFacts& facts) {
+    if (seen.from_goal == seen.steered && facts.goal_sees_all_s < kFactHoldsS) seen.from_goal = 0;
+    if (facts.none_sees_all_s < kFactHoldsS) seen.somewhere_all = true;
+    if (facts.goal_keeps_shot_s < kFactHoldsS) seen.keeps_shot = false;
+    return seen;
   }
   static Choice choice_for(MoveStatus status, FlightCourse course) { return {status, reason_of(course, {}), -1}; }
 

@@ -41,7 +41,7 @@ Course flight_course(const MoveInput& in, MoveScratch& scratch, Decision& decisi
   }
   decision.horizon_s = next_horizon_s(in, goal.searches);
   decision.follows = goal.follows;
-  decision.courses = goal.courses;
+  decision.courses = goal.courses, decision.facts = goal.facts;
   decision.plan_m = goal.plan_m;
   decision.view_way_m = way_to_view_m(in, goal.choice, scratch.way);
   if (goal.way_m) decision.view_way_m = goal.way_m;

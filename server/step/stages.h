@@ -299,6 +299,7 @@ struct Goal {
   std::optional<SummedGain> change = {};  // as Decision::change
   std::optional<double> way_m = {};  // length of a far way that it takes
   ComparedCourses courses = {};
+  HeldFacts facts = {};
 };
 // Sets `scratch.way` too.
 Goal choose_goal(const MoveInput& input, MoveScratch& scratch);

@@ -166,6 +166,7 @@ struct Decision {
   MoveReason reason = MoveReason::kNoTargets;         // of what the camera does in this step
   MoveReason course_reason = MoveReason::kNoTargets;  // of the course, whatever kept the body from it
   ComparedCourses courses;
+  HeldFacts facts;
   int chosen_candidate = -1;  // -1: none
   // Length of the way to the first candidate on it that is expected to see a target. Empty: the camera goes to none.
   std::optional<double> view_way_m;

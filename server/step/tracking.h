@@ -53,6 +53,7 @@ struct DecisionInForce {
   MoveStatus status = MoveStatus::kHolding;
   MoveReason reason = MoveReason::kNoTargets;  // as Decision::course_reason
   ComparedCourses courses;
+  HeldFacts facts;
   std::optional<double> view_way_m;        // as Decision::view_way_m
   bool sees_none = false;                  // as Decision::sees_none
   std::optional<glm::dvec3> nearest_view_m;  // as Decision::nearest_view_m

@@ -3,7 +3,7 @@
 # into this folder.
 #   tests/results/make.sh            # eight seeds; eight hours and more on two cores that have nothing else to do, most of it for the ceiling
 #   tests/results/make.sh --seeds 3  # fewer or more seeds
-#   tests/results/make.sh --own      # plays only the default again, in all scenes but those of Tables 1 to 3: the other cameras' runs stay. About an hour
+#   tests/results/make.sh --own      # plays only the default again, in all scenes but those of Tables 1 to 3, with as many seeds as it has there: an hour
 #   tests/results/make.sh --quick    # a trial: one seed and fewer frames, into out/results/quick
 #   SIGHTLINE_BIN=path/to/bin tests/results/make.sh   # use these programs and build nothing
 #   SIGHTLINE_TILES=path/to/tiles tests/results/make.sh   # also the levels composed of the tiles in this folder; left out without it
@@ -39,8 +39,8 @@ commands=""
 evaluate() {
   local folder=$1 seeds=$seeds
   shift
-  # Runs that stand in no table need not be played again.
-  if $own && [ -f "$page/$folder.csv" ]; then seeds=$(cut -d, -f2 "$page/$folder.csv" | sort -nu | tail -n +2 | wc -l); fi
+  # As many seeds as the table has of the default.
+  if $own && [ -f "$page/$folder.csv" ]; then seeds=$(grep -E ',(sightline|wide),' "$page/$folder.csv" | cut -d, -f2 | sort -nu | wc -l); fi
   "$SIGHTLINE_BIN/sightline" evaluate --seeds "$seeds" --rate "$rate" "$@" "${settings[@]}" --out "$raw/$folder" >"$raw/$folder.txt"
   commands+="sightline evaluate --seeds $seeds --rate $rate $* $shown"$'\n'
 }
@@ -89,7 +89,9 @@ worth_cameras=(--policy sightline)
 $own || worth_cameras+=(--policy ceiling-worth)
 evaluate worth-ceiling --first-seed 101 --truth-every 20 --group roofs --scene rooms --scene doors --scene corridors --scene forest --scene crowd "${worth_cameras[@]}"
 level_groups=(--group levels)
-[ -n "${SIGHTLINE_TILES:-}" ] && level_groups+=(--group tiles)
+if [ -n "${SIGHTLINE_TILES:-}" ]; then
+  if $own; then seeds=2 evaluate tiles --truth-every "$scenes_every" --group tiles "${cameras[@]}"; else level_groups+=(--group tiles); fi
+fi
 evaluate levels --truth-every "$scenes_every" --group situations "${level_groups[@]}" "${cameras[@]}"
 if $own; then
   seeds=1 evaluate hall-s1 --scene hall --truth-every "$scenes_every"

@@ -81,7 +81,7 @@ def take_over(folder, raw, how):
 
 def take_over_reasons(folder, raw):
     """Sums of the default's claims over all runs."""
-    rows = [row for name in ("scenes", "levels", "roofs") if (raw / name / "reasons.csv").exists()
+    rows = [row for name in ("scenes", "levels", "tiles", "roofs") if (raw / name / "reasons.csv").exists()
             for row in select(read_table(raw / name / "reasons.csv"), policy="sightline")]
     sums = [{"reason": reason, "runs": len(of := select(rows, reason=reason)), "claims": sum(row["claims"] for row in of), "false_claims": sum(row["false_claims"] for row in of)}
             for reason in sorted(distinct(rows, "reason"))]
@@ -90,7 +90,7 @@ def take_over_reasons(folder, raw):
 
 
 # The tables whose rows are single runs: the folder below DIR, and its columns.
-RUN_TABLES = (("scenes", "scenes", RUN_COLUMNS), ("shots", "scenes", SHOT_COLUMNS), ("levels", "levels", LEVEL_COLUMNS), ("roofs", "roofs", SHOT_COLUMNS),
+RUN_TABLES = (("scenes", "scenes", RUN_COLUMNS), ("shots", "scenes", SHOT_COLUMNS), ("levels", "levels", LEVEL_COLUMNS), ("levels", "tiles", LEVEL_COLUMNS), ("roofs", "roofs", SHOT_COLUMNS),
               ("keep-shot", "keep-shot", TRADE_COLUMNS), ("named-shots", "named-shots", SHOT_COLUMNS), ("worth-ceiling", "worth-ceiling", WORTH_CEILING_COLUMNS))
 
 

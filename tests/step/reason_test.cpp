@@ -155,14 +155,10 @@ TEST(Reasons, WhatIsSaidOfSightFromTheGoalIsSo) {
           break;
         case MoveReason::kBestAllVisible:
           ASSERT_EQ(walk.seen_from_chosen(), 0b11u) << where;
-          ASSERT_FALSE(walk.goal_keeps_shot()) << where;
           break;
         case MoveReason::kBestPartial:
           ASSERT_FALSE(walk.some_candidate_sees_all()) << where;
           ASSERT_NE(walk.seen_from_chosen(), 0u) << where;
-          break;
-        case MoveReason::kBestSoon:
-          ASSERT_NE(walk.seen_from_chosen(), 0b11u) << where;
           break;
         case MoveReason::kStays:
           ASSERT_LT(glm::distance(*walk.world().stepper.carried().goal_m, walk.world().dump().sights.position_m[walk.world().dump().sights.own_candidate]), 1e-9) << where;

@@ -177,7 +177,7 @@ type MoveReason int32
 const (
 	// Never sent.
 	MoveReason_MOVE_REASON_UNSPECIFIED MoveReason = 0
-	// All targets are seen from the place of the shot, and the camera goes there or is there.
+	// All targets are seen from where the camera is or goes, and the picture from there keeps the shot, within its free bands (ShotReport).
 	MoveReason_MOVE_REASON_AT_DESIRED_PLACE MoveReason = 1
 	// It goes to the nearest position that sees all targets.
 	MoveReason_MOVE_REASON_NEAREST_ALL_VISIBLE MoveReason = 2
@@ -207,7 +207,7 @@ const (
 	MoveReason_MOVE_REASON_FAR_VIEWPOINT MoveReason = 13
 	// All targets are seen from the place where the camera is or goes, but it is not that of the asked shot, since they are seen better from this one.
 	MoveReason_MOVE_REASON_OTHER_SHOT MoveReason = 14
-	// It goes where the targets are expected to be seen best over the coming second. Not all of them are seen from there now.
+	// It goes where the targets are expected to be seen best over the coming second. It has not been certain for the last 0.3 s that all of them are seen from there.
 	MoveReason_MOVE_REASON_BEST_SOON MoveReason = 15
 	// It stays where it is: no position in reach is expected to be better by more than the way there costs.
 	MoveReason_MOVE_REASON_STAYS MoveReason = 16
