@@ -94,6 +94,7 @@ void add_evaluate(CLI::App& app, sightline::EvaluateOptions& options) {
   evaluate->add_option("--truth-every", options.picture_every, "Re-render and judge every n-th frame")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
+  evaluate->add_flag("--sheets", options.sheets, "Also draw eight pictures of each run as one image, in the folder's sheets/");
   evaluate->add_option("--jobs", options.jobs, "Threads (default: as many as there are cores)")
       ->check(CLI::Range(1, 1024));
   evaluate->add_option("--sampler", options.sampler, "What takes the maps of Sightline's own policies")

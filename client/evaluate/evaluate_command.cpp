@@ -137,10 +137,13 @@ Status evaluate_into_folder(const EvaluateOptions& options, std::ostream& out, s
   std::error_code trouble;
   std::filesystem::create_directories(folder, trouble);
   if (trouble) return fail(ErrorCode::kUnavailable, options.out, trouble.message());
+  const std::filesystem::path sheets = options.sheets ? folder / "sheets" : std::filesystem::path();
+  if (options.sheets && !std::filesystem::create_directory(sheets, trouble) && trouble) return fail(ErrorCode::kUnavailable, sheets.string(), trouble.message());
   ProgressBar bar(err, options.progress);
   EvaluationOptions playing{.rate_hz = options.rate_hz,
                             .duration_s = options.duration_s,
                             .picture_every = options.picture_every,
+                            .sheets = sheets.string(),
                             .jobs = options.jobs > 0 ? options.jobs : cpu_budget(),
                             .samplers = sampler->device.get(),
                             .progress = {}};

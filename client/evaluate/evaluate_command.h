@@ -3,6 +3,7 @@
 //   runs.csv       one row a run, every figure
 //   pictures.csv   one row a judged picture: where the camera was and what it saw
 //   reasons.csv    one row a run and reason: how often it was given, and how often it was false
+//   sheets/        if they are asked for: eight pictures of each run, <scene>-<seed>-<policy>.jpg
 //   timing.csv     times measured by a clock; the other files have the same bytes on every run
 #pragma once
 
@@ -29,6 +30,7 @@ struct EvaluateOptions {
   int jobs = 0;  // number of threads; 0: one per core
   std::string sampler = "embree";  // of Sightline's own policies: "embree" or "egl"
   std::string out = "evaluation";
+  bool sheets = false;    // draw contact sheets
   bool json = false;      // print one JSON object instead of a table
   bool progress = false;  // draw a bar on `err`
 };

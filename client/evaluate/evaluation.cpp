@@ -4,9 +4,12 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 #include <mutex>
 #include <thread>
 
+#include "client/page/contact_sheet.h"
 #include "client/scenario/scenario_limits.h"
 #include "client/truth/asked_frames.h"
 #include "client/truth/free_way.h"
@@ -174,9 +177,21 @@ class Run {
     if (!world) return tl::unexpected(world.error());
     record_.reaction = measure_reaction(**world, played.frames);
     record_.longest_blind_with_way_s = longest_blind_with_way_s(**world, played.frames, *truths, limits_);
+    if (auto drawn = draw_sheet(**world, played.frames); !drawn) return drawn;
     judge_against_targets(**world, played, *truths);
     record_.obstructions = check_obstructions(**world, played.asked_places);
     record_.reasons = check_reasons(**world, shared_.extents, played.claims);
+    return {};
+  }
+
+  Status draw_sheet(ScenarioWorld& world, std::span<const CameraFrame> frames) const {
+    if (options_.sheets.empty()) return {};
+    constexpr int kQuality = 80;
+    const std::vector<uint8_t> bytes = encode_jpeg(contact_sheet(world, frames, {.columns = 4, .rows = 2, .panel_width = 240}), kQuality);
+    const std::filesystem::path path = std::filesystem::path(options_.sheets) / (scene_.name + "-" + std::to_string(scene_.seed) + "-" + policy_.name + ".jpg");
+    std::ofstream file(path, std::ios::binary);
+    file.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+    if (!file.flush()) return fail(ErrorCode::kUnavailable, path.string(), "cannot be written");
     return {};
   }
 

@@ -30,6 +30,7 @@ struct EvaluationOptions {
   double duration_s = 0.0;  // longest part of each scenario to play; 0: all of it
   int picture_every = 6;    // >= 1; every n-th frame's picture is judged
   int picture_size = kTruthSize;
+  std::string sheets = {};  // folder for a contact sheet of each run, <scene>-<seed>-<policy>.jpg; it must exist. Empty: none
   int jobs = 1;  // number of threads, >= 1
   // Takes the maps of Sightline's own policies, on several threads; must outlive the call. Null: Embree.
   SamplerDevice* samplers = nullptr;

@@ -11,6 +11,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <random>
+#include <set>
 #include <sstream>
 
 #include "client/evaluate/evaluation.h"
@@ -385,6 +386,24 @@ TEST(ReasonClaims, AboutObstructionsAreHeldAgainstWhatCame) {
   EXPECT_EQ(wrong.announced, 18u);
   EXPECT_EQ(wrong.came_true, 0u);
   EXPECT_EQ(wrong.began_announced, 0u);
+}
+
+TEST_F(EvaluateCommand, DrawsASheetOfEachRun) {
+  std::ostringstream out, err;
+  EvaluateOptions options = short_options("sheets");
+  options.policies = {"sightline", "follow"};
+  ASSERT_EQ(run_evaluate_command(options, out, err), 0) << err.str();
+  EXPECT_FALSE(files_in(options.out).contains("sheets/hall-1-follow.jpg")) << "only if asked for";
+  options.sheets = true;
+  ASSERT_EQ(run_evaluate_command(options, out, err), 0) << err.str();
+  const auto files = files_in(options.out);
+  std::set<std::string> sheets;
+  for (const std::string name : {"hall-1-follow", "hall-1-sightline", "hall-2-follow", "hall-2-sightline"}) {
+    const std::string& bytes = files.at("sheets/" + name + ".jpg");
+    EXPECT_EQ(bytes.substr(0, 3), "\xff\xd8\xff") << "a JPEG file";
+    sheets.insert(bytes);
+  }
+  EXPECT_EQ(sheets.size(), 4u) << "no two runs look alike";
 }
 
 TEST_F(EvaluateCommand, WritesWhatTheReasonsSay) {

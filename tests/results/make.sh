@@ -76,6 +76,9 @@ settings=() shown=""
 roof_cameras=("${cameras[@]}")
 $own || roof_cameras=(--policy sightline --policy spring-arm --policy raycast)
 evaluate roofs --truth-every 20 --group roofs "${roof_cameras[@]}"
+sheet_scenes=()
+for scene in hall rooms crowd forest roof-two-walk roof-four level-roofed-row level-halls-crossing street pitch; do sheet_scenes+=(--scene "$scene"); done
+seeds=1 evaluate sheets --truth-every 60 "${sheet_scenes[@]}" --policy spring-arm --policy sightline --sheets
 # Each shot by its name, with the first target as the subject and the second as the other.
 settings=() shown="--settings <each named shot of the subject 1 and the other 2>"
 for shot in wide medium close two-shot chase side top-down orbit; do

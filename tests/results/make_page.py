@@ -15,6 +15,7 @@ import argparse
 import json
 import math
 import pathlib
+import shutil
 
 from claims import model_claims, model_name, scene_claims, shot_claims, stability_claims, step_claims, verdict
 from figures import distinct, find, image, markdown, mean, number, over_seeds, percent, read_table, select, total, weighted_mean, write_table
@@ -74,9 +75,37 @@ def take_over(folder, raw, how):
     if (raw / "levels").exists():
         write_table(folder / "levels.csv", LEVEL_COLUMNS, read_table(raw / "levels" / "runs.csv"))
     take_over_reasons(folder, raw)
+    take_over_sheets(folder, raw)
     for name, plot in plots.items():
         (folder / "plots" / name).write_text(plot, encoding="utf-8")
     (folder / "how.json").write_text(json.dumps(how, indent=2) + "\n", encoding="utf-8")
+
+
+# The scenes of the page's contact sheets, and what they show.
+SHEETS = {"hall": "two walk round a colonnade", "rooms": "one follows the other through nine rooms", "crowd-20": "two cross a plaza among 20 others", "forest": "two on winding ways between trees",
+          "roof-two-walk": "two walk under a roof", "roof-four": "four stand in a low room", "level-roofed-row": "one follows the other through rooms under a ceiling",
+          "level-halls-crossing": "two in halls with pillars change sides", "street": "a car in a street", "pitch": "footballers"}
+
+
+def take_over_sheets(folder, raw):
+    for scene in SHEETS:
+        for policy in ("spring-arm", "sightline"):
+            name = f"{scene}-1-{policy}.jpg"
+            if (raw / "sheets" / "sheets" / name).exists():
+                shutil.copyfile(raw / "sheets" / "sheets" / name, folder / "plots" / name)
+
+
+def sheets_part(folder):
+    """Eight pictures of each scene at its first seed, evenly over its time."""
+    text = """## Pictures
+
+Eight pictures of a run, evenly over its time, first of the spring arm and then of the default. Each target has a colour and an outline, and its hidden part is hatched. The numbers are the share of
+each target's whole body that the picture shows.
+"""
+    shown = [scene for scene in SHEETS if (folder / "plots" / f"{scene}-1-sightline.jpg").exists()]
+    for scene in shown:
+        text += f"\n**{scene}**, seed 1: {SHEETS[scene]}\n\n" + image(f"{scene}-1-spring-arm.jpg", f"{scene}: the spring arm") + "\n" + image(f"{scene}-1-sightline.jpg", f"{scene}: the default")
+    return [text] if shown else []
 
 
 def take_over_reasons(folder, raw):
@@ -112,6 +141,7 @@ def renew(folder, raw):
         rows = read_table(folder / "worth.csv")
         write_table(folder / "worth.csv", list(rows[0]), [row if row["build"] != "now" else row | newest.get((row["scene"], row["seed"]), {}) for row in rows])
     take_over_reasons(folder, raw)
+    take_over_sheets(folder, raw)
     if (raw / "scenes").exists():
         (folder / "plots" / "bars-joint_visible_share.svg").write_text(joint_plot(read_table(folder / "scenes.csv")), encoding="utf-8")
     if (raw / "hall-s1").exists():
@@ -159,7 +189,7 @@ def make_page(folder):
     runs = read_table(folder / "scenes.csv")
     ceilings = [row for row in measured_ceilings(folder) if row["scene"] in distinct(runs, "scene")]
     front, agile, shots, worths, trades = (read_table(folder / name) if (folder / name).exists() else [] for name in MORE_TABLES)
-    parts = [introduction(how, times), claims_part(times, models, stabilities, shot_claims(shots), scene_claims(runs, ceilings, former_runs(folder, "scenes")), former_costs(folder)), notes_part(folder), table1_part(times),
+    parts = [introduction(how, times), claims_part(times, models, stabilities, shot_claims(shots), scene_claims(runs, ceilings, former_runs(folder, "scenes")), former_costs(folder)), notes_part(folder), *sheets_part(folder), table1_part(times),
              table2_part(models, front), table3_part(stabilities, agile), shots_part(shots), trade_part(trades), worth_part(worths), *more_shot_parts(folder), scenes_part(runs), *ceiling_part(ceilings, runs), reports_part(runs), *reasons_part(folder)]
     return "\n".join(parts)
 
