@@ -1,6 +1,7 @@
 #include "client/evaluate/reasons.h"
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
 
 namespace sightline {
@@ -75,15 +76,30 @@ void count_announced(std::span<const AskedPlace> places, uint64_t target, const 
   }
 }
 
-void count_began(std::span<const AskedPlace> places, uint64_t target, const std::vector<bool>& hidden, ObstructionCounts& counts) {
-  constexpr double kFarthestWarningS = 1.2;
-  for (size_t k = 1; k < hidden.size(); ++k) {
-    if (!hidden[k] || hidden[k - 1]) continue;
-    const auto [first, end] = frames_between(places, places[k].time_s, places[k].time_s + kObstructionS);
-    if (!std::all_of(hidden.begin() + static_cast<ptrdiff_t>(first), hidden.begin() + static_cast<ptrdiff_t>(end), std::identity())) continue;
-    const auto [warned, late] = frames_between(places, places[k].time_s - kFarthestWarningS, places[k].time_s - kWarningS);
-    ++counts.began;
-    counts.began_announced += std::ranges::any_of(places.subspan(warned, late - warned), [&](const AskedPlace& at) { return at.soon_target == target; });
+// True if a target is hidden from a frame on for kObstructionS.
+bool begins(std::span<const AskedPlace> places, const std::vector<bool>& hidden, size_t frame) {
+  if (!hidden[frame] || hidden[frame - 1] || places[frame].time_s + kObstructionS > places.back().time_s) return false;
+  const auto [first, end] = frames_between(places, places[frame].time_s, places[frame].time_s + kObstructionS);
+  return std::all_of(hidden.begin() + static_cast<ptrdiff_t>(first), hidden.begin() + static_cast<ptrdiff_t>(end), std::identity());
+}
+
+// A reply names one target, so of two that are hidden at about the same time only one must be announced.
+void count_began(const ScenarioWorld& world, std::span<const AskedPlace> places, const std::vector<std::vector<bool>>& hidden, ObstructionCounts& counts) {
+  double last_s = -INFINITY;
+  for (size_t k = 1; k < places.size(); ++k) {
+    const double now_s = places[k].time_s;
+    if (now_s < places[0].time_s + kWarningS || now_s < last_s + kAnnouncedWithinS) continue;
+    bool began = false, announced = false;
+    for (size_t i = 0; i < hidden.size(); ++i) {
+      if (!begins(places, hidden[i], k)) continue;
+      began = true;
+      announced |= std::ranges::any_of(places.first(k), [&](const AskedPlace& at) {
+        return at.soon_target == world.targets()[i].instance_id && at.time_s <= now_s - kWarningS && std::abs(at.time_s + at.soon_s - now_s) <= kAnnouncedWithinS;
+      });
+    }
+    if (!began) continue;
+    last_s = now_s;
+    ++counts.began, counts.began_announced += announced;
   }
 }
 
@@ -92,10 +108,8 @@ void count_began(std::span<const AskedPlace> places, uint64_t target, const std:
 ObstructionCounts check_obstructions(ScenarioWorld& world, std::span<const AskedPlace> places) {
   const std::vector<std::vector<bool>> hidden = hidden_from_places(world, places);
   ObstructionCounts counts;
-  for (size_t i = 0; i < hidden.size() && !places.empty(); ++i) {
-    count_announced(places, world.targets()[i].instance_id, hidden[i], counts);
-    count_began(places, world.targets()[i].instance_id, hidden[i], counts);
-  }
+  for (size_t i = 0; i < hidden.size() && !places.empty(); ++i) count_announced(places, world.targets()[i].instance_id, hidden[i], counts);
+  count_began(world, places, hidden, counts);
   return counts;
 }
 
@@ -109,7 +123,7 @@ std::optional<ReasonClaim> claim_of(const StepDump& dump, double time_s, double 
   // Only the default has a list of places where the body fits.
   const auto position_m = [&](size_t i) { return sights.position_m.empty() ? sights.candidates.position_m[i] : sights.position_m[i]; };
   if (decision.chosen_candidate >= 0) claim.place_m = position_m(static_cast<size_t>(decision.chosen_candidate));
-  if (!speaks_of_reach(decision.reason)) return claim;
+  if (!speaks_of_reach(decision.reason)) return claim.place_m ? std::optional(claim) : std::nullopt;
   for (size_t i = 0; i < sights.candidates.size(); ++i)
     if (sights.clearance_m.empty() || sights.clearance_m[i] >= body_radius_m) claim.reach_m.push_back(position_m(i));
   return claim;
@@ -127,10 +141,10 @@ Verdict check_claim(const ReasonClaim& claim, const ScenarioWorld& world, const 
     case Says::kNothing:
       break;
     case Says::kAllSeenThere:
-      holds = !claim.place_m || seen_from(targets, sight, *claim.place_m).least > 0;
+      holds = seen_from(targets, sight, claim.place_m.value()).least > 0;
       break;
     case Says::kSomeSeenThere:
-      holds = !claim.place_m || seen_from(targets, sight, *claim.place_m).most > 0;
+      holds = seen_from(targets, sight, claim.place_m.value()).most > 0;
       break;
     case Says::kNoneSeesAll:
       holds = !any_in_reach([](const Seen& seen) { return seen.least >= kClearlySeen; });

@@ -52,7 +52,8 @@ struct AskedPlace {
 // A target counts as hidden from the place if a ray to its aim point is.
 struct ObstructionCounts {
   size_t announced = 0, came_true = 0;          // frames that expect one; those where it came, at most kAnnouncedWithinS before or after
-  size_t began = 0, began_announced = 0;        // times that a target was hidden for kObstructionS; those that were announced at least kWarningS before
+  // Times at which a target began to be hidden for kObstructionS; those for which a reply of at least kWarningS before named the target and the time, to within kAnnouncedWithinS.
+  size_t began = 0, began_announced = 0;
 };
 inline constexpr double kAnnouncedWithinS = 0.2, kObstructionS = 0.2, kWarningS = 0.2;
 ObstructionCounts check_obstructions(ScenarioWorld& world, std::span<const AskedPlace> places);

@@ -92,7 +92,7 @@ struct PageShot {
   std::array<double, 4> deviation{};                      // of side, height, size and place, [0, 1]
   double sight_loss = 0.0, worth = 0.0;                   // [0, 1]
   uint64_t hidden_by = 0, hidden_target = 0;              // an instance that hides a target from the place of the shot, or is expected to; 0: none
-  double hidden_in_s = 0.0;                               // when; 0: it does
+  double hidden_in_s = kPageUnknown;                      // when it is expected to; unknown: it hides the target now
   std::string course;                                     // one word; empty: not known
   std::array<double, 3> losses{kPageUnknown, kPageUnknown, kPageUnknown};  // expected of following, staying and the plan
 };

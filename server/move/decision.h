@@ -59,17 +59,18 @@ enum class FlightCourse {
   kFarWay,    // blind for long: through the level to the nearest target
   kToShot,    // through a time of less sight to the wanted shot
 };
-// What a decision compared: the loss that is expected of each course over the coming 1.2 s, as a mean, in units of a picture's worth (picture_worth.h). It holds what
-// is hidden, cut off, or other than in the shot, and the effort of the way.
+// What a decision compared: the cost of each course over the coming 1.2 s, as a share of what it costs to see no target all that time. It holds what pictures are expected to lack
+// and how far they depart from the shot, and also the distance from the wanted place and the length of the way. So it may exceed 1.
 struct ComparedCourses {
   std::optional<FlightCourse> taken;  // empty: the camera has no flight plan
   std::optional<double> follow_loss, stay_loss, plan_loss;  // empty: not compared, or the way is blocked
 };
-// For how long what a plan's reason says has been so, seconds. Maps that differ by a few texels see different targets, and a reason that changes with them tells a person nothing.
+// How long each fact behind a plan's reason has held, in seconds, at most kFactHoldsS. The maps of two decisions differ by a few texels, and a reason that changed with them would
+// tell a person nothing.
 struct HeldFacts {
   double goal_sees_all_s = 0.0, goal_keeps_shot_s = 0.0, none_sees_all_s = 0.0;
 };
-inline constexpr double kFactHoldsS = 0.3;  // a reason says what has been so for this time
+inline constexpr double kFactHoldsS = 0.3;  // the reason of a plan says what has held for this time
 
 struct WhatIsSeen {
   uint32_t from_goal = 0;     // the targets that the goal's candidate sees, one bit each

@@ -47,6 +47,11 @@ ShotDeviation deviation_between(const ShotProperties& asked, const ShotPropertie
 // The same, each deviation at most 1.
 ShotDeviation up_to_limits(const ShotDeviation& deviation);
 
+// True if side, height and size lose nothing.
+inline bool within_free_bands(const ShotDeviation& deviation) {
+  return deviation.side <= 0 && deviation.height <= 0 && deviation.size <= 0;
+}
+
 // The weighted sum of the deviations: up to their limits, or as far as they go.
 double shot_loss(const ShotDeviation& deviation, const ShotWeights& weights);
 double unbounded_shot_loss(const ShotDeviation& deviation, const ShotWeights& weights);

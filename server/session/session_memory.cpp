@@ -60,8 +60,13 @@ struct StateFields {
   }
   template <typename A, SameAs<AskedSight> T>
   static void each(A& archive, T& sight) {
-    auto& [target, hidden, by, is_hidden, soon_s, soon_by] = sight;
-    archive(target, hidden, by, is_hidden, soon_s, soon_by);
+    auto& [target, hidden, by, is_hidden, ahead] = sight;
+    archive(target, hidden, by, is_hidden, ahead);
+  }
+  template <typename A, SameAs<Foreseen> T>
+  static void each(A& archive, T& foreseen) {
+    auto& [in_s, by] = foreseen;
+    archive(in_s, by);
   }
   template <typename A, SameAs<CutState> T>
   static void each(A& archive, T& cut) {
@@ -502,9 +507,26 @@ struct StateFields {
     return map.ids_.size() <= kMaxTargets && map.shares_.size() == map.ids_.size() * ViewpointMap::kViewpoints &&
            map.known_s_.size() == map.ids_.size() && map.distance_m_ > 0;
   }
+  template <typename Enum>
+  static bool up_to(Enum value, Enum last) {
+    return static_cast<int>(value) >= 0 && value <= last;
+  }
+  static bool possible(const ComparedCourses& courses) {
+    constexpr double kMostLoss = 1e6;
+    const auto loss = [](const std::optional<double>& of) { return of.value_or(0.0) >= 0 && of.value_or(0.0) <= kMostLoss; };
+    return up_to(courses.taken.value_or(FlightCourse::kFollow), FlightCourse::kToShot) && loss(courses.follow_loss) && loss(courses.stay_loss) && loss(courses.plan_loss);
+  }
+  static bool possible(const HeldFacts& facts) {
+    const auto held = [](double time_s) { return time_s >= 0 && time_s <= kFactHoldsS; };
+    return held(facts.goal_sees_all_s) && held(facts.goal_keeps_shot_s) && held(facts.none_sees_all_s);
+  }
   static bool possible(const DecisionInForce& last) {
-    return last.age_s >= 0 && last.clock_s >= 0 && last.clock_s < 1e15 && last.tracking.by <= TrackBy::kAcceleration && last.status <= MoveStatus::kHolding && last.reason <= MoveReason::kCut && (!last.courses.taken || *last.courses.taken <= FlightCourse::kToShot) &&
-           last.counts.visible_by_target.size() <= kMaxTargets;
+    return last.age_s >= 0 && last.clock_s >= 0 && last.clock_s < 1e15 && up_to(last.tracking.by, TrackBy::kAcceleration) && up_to(last.status, MoveStatus::kHolding) &&
+           up_to(last.reason, MoveReason::kCut) && possible(last.courses) && possible(last.facts) && last.counts.visible_by_target.size() <= kMaxTargets;
+  }
+  static bool possible(const AskedSight& sight) {
+    const auto in_time = [](const Foreseen& of) { return of.in_s >= 0 && of.in_s <= kSlices * kSliceS; };
+    return sight.hidden >= 0 && sight.hidden <= 1 && std::all_of(sight.ahead.begin(), sight.ahead.end(), in_time);
   }
   static constexpr double kFarthestViewM = 1e4;  // farther than any bound reaches
   static bool possible(const CarriedState& state) {
@@ -514,7 +536,8 @@ struct StateFields {
     const auto known = [](size_t viewpoint) { return viewpoint < ViewpointMap::kViewpoints; };
     const glm::dvec3& eye_m = state.camera.pose.position_m;
     const bool near_view = glm::distance(state.blind.view_m.value_or(eye_m), eye_m) < kFarthestViewM;
-    return possible(state.candidates) && possible(state.viewpoints) && possible(state.in_force) && state.pasts.size() <= kMaxTargets &&
+    const auto asked = [](const AskedSight& of) { return possible(of); };
+    return std::all_of(state.shot.at_asked.begin(), state.shot.at_asked.end(), asked) && possible(state.candidates) && possible(state.viewpoints) && possible(state.in_force) && state.pasts.size() <= kMaxTargets &&
            std::all_of(state.pasts.begin(), state.pasts.end(), past) && shares.size() <= kMaxTargets &&
            std::all_of(shares.begin(), shares.end(), track) && state.trail.places_m().size() <= Trail::kPlaces &&
            state.path.position_m.count() > 0 && state.path.rotation.count() > 0 && known(state.shot.asked_viewpoint) &&

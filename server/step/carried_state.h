@@ -44,15 +44,19 @@ struct ShotFrameState {
   glm::dvec3 lead{0.0};     // the horizontal direction in which the picture leaves room, world; as long as the share of the room, at most 1
 };
 
-// What is seen of a target from the asked place, lately.
+// An instance that is expected to hide a target from the asked place.
+struct Foreseen {
+  double in_s = 0.0;  // from now
+  uint64_t by = 0;
+};
+
+// What is seen of a target from the asked place, lately and soon.
 struct AskedSight {
   uint64_t target_id = 0;
   double hidden = 0.0;  // share of it, [0, 1]
   uint64_t by = 0;      // the instance that hid it last
   bool is_hidden = false;  // at the last look
-  // When it is expected to be hidden from there, seconds from now, and the instance that will hide it; 0: it is not, as far as predictions go.
-  double soon_s = 0.0;
-  uint64_t soon_by = 0;
+  InlineVector<Foreseen, kSlices> ahead;  // the slices at which it is expected to be hidden, in any order
 };
 
 // The shot that the camera tries to keep: its position relative to the weighted centre of one set of targets.

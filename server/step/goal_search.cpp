@@ -114,16 +114,15 @@ class PlanPricer {
       planner_.add_shot_losses(slice, center_m, *asked_m_, in_.step.input.settings.move.shot, shot_, in_.carried.shot.tolerance);
     }
   }
-  // The cost of a picture that shows nothing of the targets.
-  double whole_loss_cost() const { return occlusion_; }
-  // Whether a picture from a place after a time departs from the asked shot by no more than the free bands. False without an asked shot.
-  bool keeps_shot(const glm::dvec3& place_m, double ahead_s) const {
-    if (!asked_m_) return false;
-    const glm::dvec3 offset_m = place_m - (in_.step.center_m() + in_.carried.shot.subjects_m + group_mps_ * ahead_s);
-    if (glm::length(offset_m) < kHereM) return false;
+  // The cost of a course on which no target is seen; 0 where sight does not count.
+  double blind_cost() const { return occlusion_ * (1 + kAfterwards); }
+  // True if a picture that is taken from a place after a time departs from the client's shot by no more than the free bands, as in ShotReport.
+  bool is_in_free_bands(const glm::dvec3& place_m, double ahead_s) const {
+    const WantedShot& shot = in_.carried.shot;
+    const glm::dvec3 asked_m = shot.asked_offset_m - shot.subjects_m, now_m = place_m - (in_.step.center_m() + shot.subjects_m + group_mps_ * ahead_s);
+    if (in_.step.input.settings.move.follow != Follow::kOffset || glm::length(asked_m) < kHereM || glm::length(now_m) < kHereM) return false;
     const double fov_rad = in_.step.lens.vertical_fov_rad;
-    const ShotDeviation gives_up = deviation_between(shot_from(*asked_m_, fov_rad), shot_from(offset_m, fov_rad), in_.carried.shot.tolerance);
-    return gives_up.side + gives_up.height + gives_up.size <= 0;
+    return within_free_bands(deviation_between(shot_from(asked_m, fov_rad), shot_from(now_m, fov_rad), shot.tolerance));
   }
 
  private:
@@ -232,10 +231,15 @@ class GoalSearch {
   Goal go_on(const FlightPlan& plan) {
     const double stay = stay_cost(), follow = follow_cost();
     Goal goal = decide_to_follow(follow, stay, plan.cost) ? follow_desired(pace()) : stay <= plan.cost ? stay_here() : fly(plan);
-    const double whole = std::max(pricer_.whole_loss_cost(), 1e-9);
-    if (std::isfinite(follow)) goal.courses.follow_loss = follow / whole;
-    goal.courses.stay_loss = stay / whole, goal.courses.plan_loss = plan.cost / whole;
+    set_losses(follow, stay, plan, goal.courses);
     return goal;
+  }
+  void set_losses(double follow, double stay, const FlightPlan& plan, ComparedCourses& courses) const {
+    const double blind = pricer_.blind_cost();
+    if (blind <= 0) return;
+    if (std::isfinite(follow)) courses.follow_loss = follow / blind;
+    courses.stay_loss = stay / blind;
+    if (!plan.candidates.empty()) courses.plan_loss = plan.cost / blind;
   }
   bool decide_to_follow(double follow, double stay, double plan) {
     change_ = in_.carried.change.value_or(SummedGain{});
@@ -264,7 +268,8 @@ class GoalSearch {
     if (in_.sights.hidden[in_.sights.own_candidate] < kAllHidden) return true;
     return std::ranges::any_of(plan.candidates, [&](uint32_t candidate) { return in_.sights.hidden[candidate] < kAllHidden; });
   }
-  Goal goal_at(size_t candidate, const glm::dvec3& position_m, FlightCourse course) const {
+  // `arrives_s`: when the camera is there.
+  Goal goal_at(size_t candidate, const glm::dvec3& position_m, FlightCourse course, double arrives_s = 0.0) const {
     Goal goal{.choice = choice_of(static_cast<uint32_t>(candidate), in_.sights.candidates, in_.step.targets.tracked_targets), .position_m = position_m};
     const uint32_t steered = in_.step.targets.steered;
     const WantedShot& shot = in_.carried.shot;
@@ -273,7 +278,7 @@ class GoalSearch {
                           .steered = steered,
                           .somewhere_all = in_.sights.counts.all_visible > 0,
                           .other_shot = shot.other_viewpoint() || shot.in_line_m,
-                          .keeps_shot = pricer_.keeps_shot(position_m, kGoalS)};
+                          .keeps_shot = pricer_.is_in_free_bands(in_.sights.position_m[candidate], arrives_s)};
     goal.facts = hold(seen);
     goal.choice.reason = reason_of(course, course == FlightCourse::kPlan ? as_held(seen, goal.facts) : seen);
     return goal;
@@ -340,7 +345,7 @@ class GoalSearch {
     scratch_.way = plan.candidates;
     glm::dvec3 to_m = plan.at(kGoalS);
     if (in_.carried.goal_m) to_m = glm::mix(to_m, *in_.carried.goal_m, std::exp(-in_.step.decision_s / kCalmS));
-    Goal goal = goal_at(plan.candidates.back(), to_m, FlightCourse::kPlan);
+    Goal goal = goal_at(plan.candidates.back(), to_m, FlightCourse::kPlan, plan.at_s.back());
     for (size_t k = 0; k < plan.point_m.size(); ++k) goal.plan_m.push_back({plan.at_s[k], plan.point_m[k]});
     goal.tracking = track(plan, to_m);
     goal.velocity_mps = velocity_by(in_.step, goal.tracking, in_.desired_m);

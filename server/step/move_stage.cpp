@@ -229,6 +229,7 @@ Decision decide(const MoveInput& in, MoveScratch& scratch) {
   Decision decision = unmoved(in);
   if (in.step.move_s <= 0) {
     decision.reason = MoveReason::kPaused;
+    decision.courses = in.carried.in_force.courses;
     return decision;
   }
   const Course course = follows_paper(in.step.input) ? paper_course(in, scratch, decision) : flight_course(in, scratch, decision);

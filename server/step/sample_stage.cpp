@@ -230,8 +230,11 @@ SampledPoints TakenMaps::of(const Sampled& sampled) const {
 }
 
 double TakenMaps::falls_short_m(uint32_t sight, const glm::dvec3& position_m) const {
-  const DepthMap& map = maps[plan.now.first_sight + sight];
-  return glm::distance(position_m, plan.now.sights_m[sight]) - map.distance_at(0, 0) * (1.0 + settings.relative_bias);
+  return map_falls_short_m(plan.now.first_sight + sight, position_m);
+}
+
+double TakenMaps::map_falls_short_m(uint32_t map, const glm::dvec3& position_m) const {
+  return glm::distance(position_m, maps[map].view.eye_m) - maps[map].distance_at(0, 0) * (1.0 + settings.relative_bias);
 }
 
 OwnSight own_sight(const TakenMaps& taken, size_t target, const glm::dvec3& position_m) {

@@ -355,11 +355,15 @@ double lost_sight(const StepContext& step, std::span<const TargetSight> sights) 
   return all > 0 ? lost / all : 0.0;
 }
 
-// Where two are expected to hide targets, the earlier one is named.
+// The earliest of those that are expected to hide a target is named. Between two decisions time goes on.
 void name_next_hider(const StepContext& step, const AskedSight& sight, ShotReport& report) {
-  if (sight.soon_by == 0 || sight.is_hidden || !step.input.scene.find(sight.soon_by)) return;
-  if (report.soon_by != 0 && report.soon_s <= sight.soon_s) return;
-  report.soon_by = sight.soon_by, report.soon_target = sight.target_id, report.soon_s = sight.soon_s;
+  if (sight.is_hidden) return;
+  const double passed_s = step.decides ? 0.0 : step.decision_s;
+  for (const Foreseen& foreseen : sight.ahead) {
+    const double in_s = std::max(0.0, foreseen.in_s - passed_s);
+    if ((report.soon_by != 0 && report.soon_s <= in_s) || !step.input.scene.find(foreseen.by)) continue;
+    report.soon_by = foreseen.by, report.soon_target = sight.target_id, report.soon_s = in_s;
+  }
 }
 
 void name_hider(const StepContext& step, const WantedShot& shot, ShotReport& report) {
@@ -411,20 +415,45 @@ namespace {
 
 // The instance that hides the eye of a map of a single texel from a place; empty if none does.
 std::optional<uint64_t> hider_of(const StepContext& step, const TakenMaps& taken, uint32_t map, const glm::dvec3& place_m) {
-  const DepthMap& taken_map = taken.maps[map];
-  if (glm::distance(taken_map.view.eye_m, place_m) <= taken_map.distance_at(0, 0) * (1 + taken.settings.relative_bias)) return std::nullopt;
-  return step.input.scene.instances()[taken_map.occluder_at(0, 0)].id;
+  if (taken.map_falls_short_m(map, place_m) <= 0) return std::nullopt;
+  return step.input.scene.instances()[taken.maps[map].occluder_at(0, 0)].id;
 }
 
-// Only some of the slices are looked at in a step. What was found at others holds until they are looked at again.
-void look_ahead(const StepContext& step, const TakenMaps& taken, AskedSight& sight) {
-  for (const SightAhead& ahead : taken.plan.look.ahead) {
-    const std::optional<uint64_t> by = hider_of(step, taken, ahead.map, ahead.place_m);
-    const bool is_same = std::abs(ahead.ahead_s - sight.soon_s) < 0.5 * kSliceS;
-    if (by && (sight.soon_by == 0 || ahead.ahead_s < sight.soon_s || is_same))
-      sight.soon_by = *by, sight.soon_s = ahead.ahead_s;
-    else if (!by && is_same)
-      sight.soon_by = 0;
+// The target's entry, which is made if it is new; null: there is no room.
+AskedSight* sight_of(uint64_t target_id, WantedShot& shot) {
+  const auto known = std::find_if(shot.at_asked.begin(), shot.at_asked.end(), [target_id](const AskedSight& of) { return of.target_id == target_id; });
+  if (known != shot.at_asked.end()) return known;
+  if (shot.at_asked.size() == kMaxTargets) return nullptr;
+  shot.at_asked.push_back({.target_id = target_id, .ahead = {}});
+  return shot.at_asked.end() - 1;
+}
+
+// Time passes for what was foreseen. A slice that is looked at again is forgotten first.
+void pass_time(double passed_s, std::span<const SightAhead> looks, size_t target, AskedSight& sight) {
+  InlineVector<Foreseen, kSlices> kept;
+  for (Foreseen foreseen : sight.ahead) {
+    foreseen.in_s -= passed_s;
+    const bool again = std::ranges::any_of(looks, [&](const SightAhead& look) { return look.target == target && std::abs(look.ahead_s - foreseen.in_s) < 0.5 * kSliceS; });
+    if (foreseen.in_s >= 0 && !again) kept.push_back(foreseen);
+  }
+  sight.ahead = kept;
+}
+
+// Only some of the slices are looked at in a step. What was found at the others holds until they are looked at again.
+void look_ahead(const StepContext& step, const TakenMaps& taken, WantedShot& shot) {
+  const std::span<const SightAhead> looks(taken.plan.look.ahead.begin(), taken.plan.look.ahead.size());
+  for (size_t i = 0; i < step.target_count(); ++i) {
+    AskedSight* sight = sight_of(step.targets.ids[i], shot);
+    if (!sight) continue;
+    if (step.is_steered(i))
+      pass_time(step.decision_s, looks, i, *sight);
+    else
+      sight->ahead.clear();
+  }
+  for (const SightAhead& look : looks) {
+    const std::optional<uint64_t> by = hider_of(step, taken, look.map, look.place_m);
+    AskedSight* sight = by ? sight_of(step.targets.ids[look.target], shot) : nullptr;
+    if (sight && sight->ahead.size() < kSlices) sight->ahead.push_back({look.ahead_s, *by});
   }
 }
 
@@ -432,23 +461,18 @@ void look_ahead(const StepContext& step, const TakenMaps& taken, AskedSight& sig
 
 void watch_asked_place(const StepContext& step, const TakenMaps& taken, WantedShot& shot) {
   const ViewpointLook& look = taken.plan.look;
+  if (!look.searches) return shot.at_asked.clear();
   if (step.move_s <= 0) return;
-  for (AskedSight& sight : shot.at_asked)
-    if (sight.soon_s -= step.decision_s; !look.searches || sight.soon_s < 0) sight.soon_by = 0;
-  if (!look.searches || !step.is_steered(look.target)) return;
-  const uint64_t id = step.targets.ids[look.target];
-  auto sight = std::find_if(shot.at_asked.begin(), shot.at_asked.end(), [id](const AskedSight& of) { return of.target_id == id; });
-  if (sight == shot.at_asked.end()) {
-    if (shot.at_asked.size() == kMaxTargets) return;
-    shot.at_asked.push_back({.target_id = id}), sight = shot.at_asked.end() - 1;
-  }
+  look_ahead(step, taken, shot);
+  if (!step.is_steered(look.target)) return;
+  AskedSight* sight = sight_of(step.targets.ids[look.target], shot);
+  if (!sight) return;
   const double memory_s = step.input.settings.move.viewpoint_search.memory_s;
   const double newest = -std::expm1(-step.decision_s * static_cast<double>(step.target_count()) / memory_s);
   const std::optional<uint64_t> by = hider_of(step, taken, look.asked_sight, asked_place_m(step, shot));
   sight->hidden += newest * ((by ? 1.0 : 0.0) - sight->hidden);
   sight->is_hidden = by.has_value();
   if (by) sight->by = *by;
-  look_ahead(step, taken, *sight);
 }
 
 }  // namespace sightline

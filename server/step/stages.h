@@ -121,6 +121,8 @@ struct TakenMaps {
   // Distance from `position_m` to the stored depth of sight k, in metres; <= 0 means that the sight's point is visible.
   // The position must be the camera's own, or at most a step away from it.
   double falls_short_m(uint32_t sight, const glm::dvec3& position_m) const;
+  // The same for any map of a single texel.
+  double map_falls_short_m(uint32_t map, const glm::dvec3& position_m) const;
 };
 
 // The number of a target's sight points that are visible from `position_m`.

@@ -133,6 +133,8 @@ StepResult Stepper::finish(const StageClock& clock) {
   const StepContext step = work.context(dump_.targets, carried_.camera, carried_.in_force);
   const TakenMaps taken{dump_.plan, dump_.maps, work.input->settings.aggregate};
   // Nothing can fail from here on, so the changes of `begin` are stored now.
+  const WantedShot& opened = work.opening.shot;
+  if (opened.frame.number != carried_.shot.frame.number || opened.target_set != carried_.shot.target_set) carried_.in_force.facts = {};
   carried_.zoom = work.opening.zoom;
   carried_.shot = work.opening.shot;
   carried_.given_up = work.opening.given_up;

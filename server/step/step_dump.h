@@ -86,6 +86,7 @@ struct PairPlan {
 
 // A single ray from where a target will be to where the place of the client's shot will be then.
 struct SightAhead {
+  size_t target = 0;
   uint32_t map = 0;
   double ahead_s = 0.0;
   glm::dvec3 place_m{0.0};
@@ -97,7 +98,7 @@ struct ViewpointLook {
   size_t target = 0;
   MapRange maps;
   uint32_t asked_sight = 0;  // a map of a single texel towards the place of the client's shot
-  InlineVector<SightAhead, kSlices> ahead = {};  // the same at slices that are renewed in this step, for the target that goes on as it does
+  InlineVector<SightAhead, kSlices * kMaxTargets> ahead = {};  // the same for each target at the slices that are renewed in this step, if the targets go on as they do
 };
 
 // A place that the camera may jump to, with sights of every target from there, as in Sampled.

@@ -86,6 +86,31 @@ void stop_search(ViewpointMap& viewpoints, WantedShot& shot) {
   shot.asked_seen_s = 0.0;
 }
 
+// How far the targets' centre will have moved at a slice.
+glm::dvec3 center_moves_m(const StepContext& step, const SampledSlice& slice) {
+  glm::dvec3 sum_m(0.0);
+  double weight = 0;
+  for (size_t i = 0; i < step.target_count(); ++i) {
+    const TrackedTarget& target = step.targets.tracked_targets[i];
+    if (target.steered()) sum_m += target.weight * (slice.aim_m[i] - target.aim_m), weight += target.weight;
+  }
+  return sum_m / weight;
+}
+
+// The place of the shot goes along with the targets.
+void plan_sights_from_shot(const SampleInput& in, SamplePlan& plan, ViewpointLook& look) {
+  const glm::dvec3 asked_m = asked_place_m(in.step, in.shot);
+  for (const SampledSlice& slice : plan.slices) {
+    if (slice.turned) continue;
+    const glm::dvec3 then_m = asked_m + center_moves_m(in.step, slice);
+    for (size_t i = 0; i < in.step.target_count(); ++i) {
+      if (!in.step.is_steered(i)) continue;
+      look.ahead.push_back({i, static_cast<uint32_t>(plan.views.size()), slice.due.ahead_s, then_m});
+      plan.views.push_back(plan_sight(slice.aim_m[i], then_m));
+    }
+  }
+}
+
 }  // namespace
 
 glm::dvec3 framed_offset_m(const StepContext& step, const glm::dvec3& offset_m) {
@@ -122,32 +147,26 @@ ViewpointLook plan_look(const SampleInput& in, SamplePlan& plan) {
   plan_round(eye_m, input.settings.move.viewpoint_search.resolution, {x, y}, views);
   look.maps.count = static_cast<uint32_t>(views.size()) - look.maps.first;
   look.asked_sight = static_cast<uint32_t>(views.size());
-  const glm::dvec3 asked_m = asked_place_m(in.step, in.shot), group_mps = group_velocity_mps(in.step);
-  views.push_back(plan_sight(eye_m, asked_m));
-  for (const SampledSlice& slice : plan.slices) {
-    if (slice.turned) continue;
-    const glm::dvec3 then_m = asked_m + group_mps * slice.due.ahead_s;
-    look.ahead.push_back({static_cast<uint32_t>(views.size()), slice.due.ahead_s, then_m});
-    views.push_back(plan_sight(slice.aim_m[look.target], then_m));
-  }
+  views.push_back(plan_sight(eye_m, asked_place_m(in.step, in.shot)));
+  plan_sights_from_shot(in, plan, look);
   return look;
 }
 
 void request_look(const SampleInput& in, SamplePlan& plan) {
   const ViewpointLook& look = plan.look;
   if (!look.searches) return;
-  const auto request = [&](uint32_t view, double farthest_m, double ahead_s = 0.0) {
+  const auto request = [&](uint32_t view, double farthest_m, size_t target, double ahead_s = 0.0) {
     plan.requests[view] = {.view = plan.views[view],
-                           .layer_mask = in.step.input.targets[look.target].layer_mask,
+                           .layer_mask = in.step.input.targets[target].layer_mask,
                            .ahead_s = ahead_s,
                            .far_m = beyond_all_m(farthest_m),
-                           .ignored_slots = in.step.targets.ignored_slots[look.target]};
+                           .ignored_slots = in.step.targets.ignored_slots[target]};
   };
   const glm::dvec3 eye_m = plan.views[look.asked_sight].eye_m;
-  request(look.asked_sight, glm::distance(eye_m, asked_place_m(in.step, in.shot)));
-  for (const SightAhead& sight : look.ahead) request(sight.map, glm::distance(plan.views[sight.map].eye_m, sight.place_m), sight.ahead_s);
+  request(look.asked_sight, glm::distance(eye_m, asked_place_m(in.step, in.shot)), look.target);
+  for (const SightAhead& sight : look.ahead) request(sight.map, glm::distance(plan.views[sight.map].eye_m, sight.place_m), sight.target, sight.ahead_s);
   const double farthest_m = glm::distance(eye_m, in.step.center_m()) + ViewpointMap::kFarthestShare * viewpoint_distance_m(in.step, in.shot);
-  for (uint32_t view = look.maps.first; view < look.maps.first + look.maps.count; ++view) request(view, farthest_m);
+  for (uint32_t view = look.maps.first; view < look.maps.first + look.maps.count; ++view) request(view, farthest_m, look.target);
 }
 
 void search_viewpoints(const StepContext& step, const TakenMaps& taken, ViewpointMap& viewpoints, WantedShot& shot) {

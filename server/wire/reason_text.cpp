@@ -6,8 +6,7 @@
 namespace sightline {
 namespace {
 
-// A course that loses so much less than another is worth a word.
-constexpr double kWorthAWord = 0.05;
+constexpr double kAtOnceS = 0.05;
 
 const char* name_of(ShotLimit limit) {
   switch (limit) {
@@ -46,19 +45,21 @@ std::string hider_text(const ShotReport& shot) {
     return "; instance " + std::to_string(by) + verb + std::to_string(target) + " from the place of the shot";
   };
   if (shot.hidden_by != 0) return hides(shot.hidden_by, " hides target ", shot.hidden_target);
-  if (shot.soon_by != 0) return hides(shot.soon_by, " is expected to hide target ", shot.soon_target) + " in " + seconds(shot.soon_s);
-  return "";
+  if (shot.soon_by == 0) return "";
+  if (shot.soon_s < kAtOnceS) return hides(shot.soon_by, " is about to hide target ", shot.soon_target);
+  return hides(shot.soon_by, " is expected to hide target ", shot.soon_target) + " in " + seconds(shot.soon_s);
 }
 
-std::string percent(double loss) {
-  return std::to_string(std::lround(100 * std::clamp(loss, 0.0, 1.0))) + " %";
+// In tens, so that the sentence does not change with every decision.
+long tens_of_percent(double loss) {
+  return 10 * std::lround(10 * std::clamp(loss, 0.0, 1.0));
 }
 
 std::string loss_text(const ComparedCourses& courses) {
   if (courses.taken != FlightCourse::kPlan || !courses.follow_loss || !courses.plan_loss) return "";
-  if (*courses.follow_loss - *courses.plan_loss < kWorthAWord) return "";
-  return "; pictures of the shot are expected to lose " + percent(*courses.follow_loss) + " of their worth in the coming second, those of this course " +
-         percent(*courses.plan_loss);
+  const long follow = tens_of_percent(*courses.follow_loss), plan = tens_of_percent(*courses.plan_loss);
+  if (follow <= plan) return "";
+  return "; following is expected to lose " + std::to_string(follow) + " % in the coming second, this course " + std::to_string(plan) + " %";
 }
 
 }  // namespace
@@ -66,9 +67,8 @@ std::string loss_text(const ComparedCourses& courses) {
 std::string reason_text(const StepResult& step) {
   std::string text(explain(step.reason));
   if (!step.shot) return text;
-  const ShotDeviation& gives_up = step.shot->deviation;
-  const bool keeps = gives_up.side + gives_up.height + gives_up.size <= 0;
-  if (keeps && step.reason == MoveReason::kAtDesiredPlace) return text;
+  // These reasons say all.
+  if (step.reason == MoveReason::kAtDesiredPlace || step.reason == MoveReason::kPaused || step.reason == MoveReason::kBodyOverlap) return text;
   const std::string hider = hider_text(*step.shot);
   return text + (hider.empty() ? limit_text(step.shot->limits) : hider) + loss_text(step.courses);
 }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "server/base/random.h"
 #include "server/move/framing.h"
@@ -121,12 +122,13 @@ TEST(ReasonOf, ClaimsOnlyWhatIsSo) {
                                     FlightCourse::kApproach, FlightCourse::kFarWay, FlightCourse::kToShot})
     for (const uint32_t from_goal : {0b00u, 0b01u, 0b11u})
       for (const bool somewhere_all : {false, true})
-        for (const bool other_shot : {false, true}) {
+        for (const auto& [other_shot, keeps_shot] : {std::pair(false, false), std::pair(false, true), std::pair(true, false), std::pair(true, true)}) {
           if (from_goal == 0b11 && !somewhere_all) continue;
-          const MoveReason reason = reason_of(course, {from_goal, 0b11, somewhere_all, other_shot});
-          EXPECT_TRUE(reason != MoveReason::kAtDesiredPlace || (from_goal == 0b11 && !other_shot && course == FlightCourse::kFollow));
+          const MoveReason reason = reason_of(course, {from_goal, 0b11, somewhere_all, other_shot, keeps_shot});
+          const bool keeps = course == FlightCourse::kFollow ? !other_shot : course == FlightCourse::kPlan && keeps_shot;
+          EXPECT_EQ(reason == MoveReason::kAtDesiredPlace, from_goal == 0b11 && keeps);
           EXPECT_TRUE(reason != MoveReason::kOtherShot || (from_goal == 0b11 && other_shot && course == FlightCourse::kFollow));
-          EXPECT_TRUE(reason != MoveReason::kBestAllVisible || (from_goal == 0b11 && course == FlightCourse::kPlan));
+          EXPECT_TRUE(reason != MoveReason::kBestAllVisible || (from_goal == 0b11 && course == FlightCourse::kPlan && !keeps_shot));
           EXPECT_TRUE(reason != MoveReason::kBestPartial || (!somewhere_all && from_goal != 0));
           EXPECT_TRUE(reason != MoveReason::kBestSoon || from_goal != 0b11u);
           EXPECT_EQ(reason == MoveReason::kNearestView, course == FlightCourse::kToView);

@@ -75,7 +75,7 @@ TEST(PageReply, TheShotAndWhatWasWeighedAreInItsFrame) {
   const PageShot hidden = page_frame(reply, half_metres(), 1.5, kTargets).shot.value();
   EXPECT_EQ(hidden.hidden_by, 41u) << "what hides it now comes before what will";
   EXPECT_EQ(hidden.hidden_target, 7u);
-  EXPECT_EQ(hidden.hidden_in_s, 0.0);
+  EXPECT_TRUE(std::isnan(hidden.hidden_in_s));
 }
 
 TEST(PageReply, EveryFieldOfAReplyIsInItsFrame) {

@@ -195,6 +195,15 @@ class PageTest(Browsing):
                         self.assertAlmostEqual(number(f"{term}-{field}"), scale * arrays.array(name)[3 * frame + i], delta=delta)
                     self.assertAlmostEqual(number(f"{term}-off"), 100 * arrays.array("shot_deviation")[4 * frame + i], delta=0.51)
                 courses.add(self.text("course"))
+                by, target, in_s = (arrays.array(name)[frame] for name in ("shot_hidden_by", "shot_hidden_target", "shot_hidden_in_s"))
+                names = {str(i["id"]): i["name"] for i in arrays.page["instances"]}
+                name = lambda index: names[arrays.page["occluders"][index]]  # noqa: E731
+                self.assertEqual(self.text("in_the_way"), "nothing" if by < 0 else f"{name(by)} hides {name(target)}" if math.isnan(in_s)
+                                 else f"{name(by)} will hide {name(target)} in {in_s:.1f} s")
+                losses = [f"{word} {100 * loss:.0f} %" for word, loss in zip(("follow", "stay", "plan"), arrays.array("course_losses")[3 * frame:3 * frame + 3])
+                          if math.isfinite(loss)]
+                self.assertEqual(self.text("losses"), ", ".join(losses) or "–")
+                self.assertNotRegex(self.text("text"), r"(instance|target) \d")
                 self.assert_shot_is_drawn(arrays, frame)
         self.assertTrue(courses <= {"follow", "stay", "plan", "to view", "trail", "approach", "far way", "to shot"}, courses)
 

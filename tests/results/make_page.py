@@ -135,7 +135,7 @@ def renew(folder, raw):
         newest |= {of[:2]: row for of, row in new.items() if of[2] == "sightline"}
         old = read_table(path)
         rows = {key(row): row for row in old} | {of: row for of, row in new.items() if of[:2] in {key(row)[:2] for row in old}}
-        places = [distinct(old, name) for name in ("scene", "seed", "policy")]
+        places = [distinct(old + list(rows.values()), name) for name in ("scene", "seed", "policy")]
         write_table(path, columns, sorted(rows.values(), key=lambda row: [place.index(value) for place, value in zip(places, key(row))]))
     if (folder / "worth.csv").exists():
         rows = read_table(folder / "worth.csv")
@@ -375,7 +375,7 @@ status. *TRACKING, half hidden*: share of the pictures that have this status alt
 CLAIMS = {"at_desired_place": "all targets are visible from where the camera goes, which keeps the shot", "other_shot": "all are, from another side than the asked one",
           "best_all_visible": "all are, in another shot", "nearest_view": "some target is", "best_partial": "no position in reach sees all targets", "horizon_grown": "none sees any target",
           "on_trail": "none sees any target", "obstruction_expected": "a target will be hidden from the place of the shot in so many seconds",
-          "obstruction_not_expected": "(nothing was said 0.2 s before a target was hidden from there)"}
+          "obstruction_not_expected": "nothing, and a target was hidden from there for 0.2 s and more"}
 
 
 def reasons_part(folder):
@@ -386,9 +386,9 @@ def reasons_part(folder):
             for claim, words in CLAIMS.items() if claim in counts]
     return ["""## Are the reasons true?
 
-What the default's reasons say of places, against 32 rays to each target in the true scene, over all runs of the scenes, levels and roofs that were played for it (`reasons.csv`). A place that is
-said to see a target is false if no ray is free. A position in reach is overlooked if half of the rays to each target are free from there. An expected obstruction is false if no ray to the
-target's middle is blocked within 0.2 s of the time that was told.
+What the default's reasons say of places, against 32 rays to each target in the true scene, over all runs of the scenes, levels, tiles and roofs that were played for it (`reasons.csv`). A place that is
+said to see a target is false if no ray is free. "No position in reach" is false if half of the rays are free from one: to every target, or to any. An expected obstruction is false if the ray from
+there to the target's middle is not blocked within 0.2 s of the time that was told. It was not expected if no reply had named the target and this time, to within 0.2 s, at least 0.2 s before.
 
 """ + markdown(["<claim", "<it says", "claims", "false", "share"], rows)]
 

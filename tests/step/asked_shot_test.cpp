@@ -1,6 +1,7 @@
 // Shots that the client asks for: frames that turn, size, places in the picture, cuts, blends, and what the report says.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -446,9 +447,9 @@ TEST(AskedShot, TheReportForeseesWhatWillHideAWalker) {
 
 TEST(AskedShot, TheReportForeseesSomebodyElseWhoComesBetween) {
   Shown world({0, 1.6, 6});
-  InstanceAttributes passes;
-  world.add_box(9, {-6, 1.4, 3}, {0.25, 1.4, 0.25}, passes);
+  world.add_box(9, {-6, 1.4, 3}, {0.25, 1.4, 0.25});
   Watch watch(world);
+  int told = 0;
   for (int i = 0; i < 240; ++i) {
     const double x_m = -6 + 1.5 * i * kTick, hidden_in_s = (-0.25 - x_m) / 1.5;
     world.move(9, {x_m, 1.4, 3}, {1.5, 0, 0});
@@ -460,7 +461,42 @@ TEST(AskedShot, TheReportForeseesSomebodyElseWhoComesBetween) {
     }
     if (hidden_in_s > 1.1) continue;
     EXPECT_EQ(result.shot->soon_by, 9u) << i;
+    EXPECT_EQ(result.shot->soon_target, 1u) << i;
     EXPECT_NEAR(result.shot->soon_s, hidden_in_s, 0.12) << i;
+    ++told;
+  }
+  EXPECT_GT(told, 50);
+}
+
+// Of two people who walk in file past a pillar, each is foretold to be hidden in turn, at every rate of the ticks.
+TEST(AskedShot, TheReportForeseesWhatWillHideEachOfTwo) {
+  for (const double rate_hz : {60.0, 30.0, 15.0}) {
+    Shown world({0, 1.6, 6});
+    world.add_target(2, {-1.5, 1, 0});
+    world.add_box(9, {5, 2, 2.5}, {0.6, 2, 0.05});
+    Watch watch(world);
+    std::array<int, 2> due{}, told{};
+    for (int i = 0; i < 5 * rate_hz; ++i) {
+      const double x_m = 1.5 * i / rate_hz;
+      world.move(1, {x_m, 1, 0}, {1.5, 0, 0}), world.move(2, {x_m - 1.5, 1, 0}, {1.5, 0, 0});
+      const StepResult result = watch.step(1 / rate_hz);
+      ASSERT_TRUE(result.shot);
+      if (i < rate_hz) continue;
+      // The nearer one is hidden first; while it is, the other one is next.
+      const glm::dvec3 place_m = result.shot->place_m;
+      const auto hidden_in_s = [&](double at_m) { return (4.4 - std::lerp(at_m, place_m.x, 2.5 / place_m.z)) / 1.5; };
+      const double first_s = hidden_in_s(x_m), second_s = hidden_in_s(x_m - 1.5);
+      // By 0.15 s later all of it is hidden.
+      const size_t next = first_s > 0 ? 0 : 1;
+      const double in_s = next == 0 ? first_s : second_s;
+      if (in_s > 1.0 || in_s < 0.2 || (next == 1 && first_s > -0.15)) continue;
+      ++due[next];
+      told[next] += result.shot->soon_target == next + 1 && result.shot->soon_by == 9 && std::abs(result.shot->soon_s - in_s) < 0.2;
+    }
+    for (const size_t k : {0u, 1u}) {
+      EXPECT_GT(due[k], rate_hz / 8) << rate_hz << " Hz, target " << k + 1;
+      EXPECT_GE(told[k], 0.8 * due[k]) << rate_hz << " Hz, target " << k + 1;
+    }
   }
 }
 

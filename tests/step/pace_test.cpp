@@ -1,6 +1,7 @@
 // Decisions at a pace of their own: how often, what is decided at once, and what the steps between do.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <vector>
@@ -141,6 +142,23 @@ TEST(Pace, TheStepsBetweenTakeFewMaps) {
   const size_t rays = static_cast<size_t>(world.settings.sample.points) + 3;
   EXPECT_LE(between, others * rays);
   EXPECT_GT(deciding, decisions * rays);
+}
+
+// The targets take turns in the viewpoint search, whatever the rate of the ticks.
+TEST(Pace, EachTargetIsLookedAtAsOften) {
+  for (const double rate_hz : {5.0, 10.0, 15.0, 20.0, 30.0, 60.0, 144.0})
+    for (const size_t people : {2u, 3u}) {
+      Filming world;
+      for (size_t i = 0; i < people; ++i) world.add_target(1 + i, {1.2 * static_cast<double>(i), 1, 0});
+      world.place({1, 1.8, 7}, {1, 1, 0});
+      std::vector<int> looks(people);
+      for (int i = 0; i < 10 * rate_hz; ++i) {
+        world.step(1 / rate_hz);
+        if (world.dump().decided) ++looks[world.dump().plan.look.target];
+      }
+      const auto [least, most] = std::ranges::minmax(looks);
+      EXPECT_LE(most - least, 3) << rate_hz << " Hz, " << people << " targets";
+    }
 }
 
 }  // namespace

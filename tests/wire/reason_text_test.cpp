@@ -29,6 +29,8 @@ TEST(ReasonText, NamesWhatWillHideATarget) {
   EXPECT_EQ(reason_text(result), kBest + "; instance 7 is expected to hide target 2 from the place of the shot in 0.4 s");
   result.shot->soon_s = 0.97;
   EXPECT_EQ(reason_text(result), kBest + "; instance 7 is expected to hide target 2 from the place of the shot in 1.0 s");
+  result.shot->soon_s = 0.02;
+  EXPECT_EQ(reason_text(result), kBest + "; instance 7 is about to hide target 2 from the place of the shot");
   result.shot->hidden_by = 8, result.shot->hidden_target = 1;
   EXPECT_EQ(reason_text(result), kBest + "; instance 8 hides target 1 from the place of the shot") << "what is so comes before what will be";
 }
@@ -44,10 +46,12 @@ TEST(ReasonText, NamesTheLimitThatTheShotBreaks) {
 TEST(ReasonText, SaysWhatTheShotWouldLose) {
   StepResult result = away_from_shot();
   result.courses.follow_loss = 0.31, result.courses.plan_loss = 0.04;
-  EXPECT_EQ(reason_text(result), kBest + "; pictures of the shot are expected to lose 31 % of their worth in the coming second, those of this course 4 %");
+  EXPECT_EQ(reason_text(result), kBest + "; following is expected to lose 30 % in the coming second, this course 0 %");
   result.courses.follow_loss = 1.7;
-  EXPECT_EQ(reason_text(result), kBest + "; pictures of the shot are expected to lose 100 % of their worth in the coming second, those of this course 4 %");
-  result.courses.follow_loss = 0.07;
+  EXPECT_EQ(reason_text(result), kBest + "; following is expected to lose 100 % in the coming second, this course 0 %");
+  result.courses.plan_loss = 1.3;
+  EXPECT_EQ(reason_text(result), kBest) << "the one loses no less than the other";
+  result.courses.follow_loss = 0.07, result.courses.plan_loss = 0.06;
   EXPECT_EQ(reason_text(result), kBest) << "that is not why";
   result.courses.follow_loss.reset();
   EXPECT_EQ(reason_text(result), kBest) << "no way leads to the shot";
@@ -55,9 +59,12 @@ TEST(ReasonText, SaysWhatTheShotWouldLose) {
 
 TEST(ReasonText, OfACameraThatKeepsItsShotIsTheReasonAlone) {
   StepResult result = away_from_shot();
-  result.reason = MoveReason::kAtDesiredPlace, result.shot->deviation = {};
   result.shot->soon_by = 7, result.shot->soon_target = 2, result.shot->soon_s = 0.4;
-  EXPECT_EQ(reason_text(result), explain(MoveReason::kAtDesiredPlace));
+  for (const MoveReason reason : {MoveReason::kAtDesiredPlace, MoveReason::kPaused, MoveReason::kBodyOverlap}) {
+    result.reason = reason;
+    EXPECT_EQ(reason_text(result), explain(reason));
+  }
+  result.reason = MoveReason::kAtDesiredPlace;
   result.shot.reset();
   EXPECT_EQ(reason_text(result), explain(MoveReason::kAtDesiredPlace));
 }

@@ -317,7 +317,7 @@ export class FramePanel {
 
 function inTheWay({ hiddenBy, hiddenTarget, hiddenIn_s }) {
   if (hiddenBy === null) return 'nothing';
-  return hiddenIn_s > 0 ? `${hiddenBy} hides ${hiddenTarget} in ${fixed(hiddenIn_s, 1)} s` : `${hiddenBy} hides ${hiddenTarget}`;
+  return Number.isFinite(hiddenIn_s) ? `${hiddenBy} will hide ${hiddenTarget} in ${fixed(hiddenIn_s, 1)} s` : `${hiddenBy} hides ${hiddenTarget}`;
 }
 
 function markItem({ kind, text }, ...before) {
