@@ -280,8 +280,8 @@ struct StateFields {
   }
   template <typename A, SameAs<DecisionInForce> T>
   static void each(A& archive, T& last) {
-    auto& [age_s, clock_s, is_due, tracking, status, reason, courses, facts, view_way, sees_none, nearest_view, counts, target_ids, seen] = last;
-    archive(age_s, clock_s, is_due, tracking, status, reason, courses, facts, view_way, sees_none, nearest_view, counts, target_ids, seen);
+    auto& [age_s, clock_s, made, is_due, tracking, status, reason, courses, facts, view_way, sees_none, nearest_view, counts, target_ids, seen] = last;
+    archive(age_s, clock_s, made, is_due, tracking, status, reason, courses, facts, view_way, sees_none, nearest_view, counts, target_ids, seen);
   }
   template <typename A, SameAs<CarriedState> T>
   static void each(A& archive, T& state) {
@@ -512,7 +512,6 @@ struct StateFields {
     return static_cast<int>(value) >= 0 && value <= last;
   }
   static bool possible(const ComparedCourses& courses) {
-    constexpr double kMostLoss = 1e6;
     const auto loss = [](const std::optional<double>& of) { return of.value_or(0.0) >= 0 && of.value_or(0.0) <= kMostLoss; };
     return up_to(courses.taken.value_or(FlightCourse::kFollow), FlightCourse::kToShot) && loss(courses.follow_loss) && loss(courses.stay_loss) && loss(courses.plan_loss);
   }

@@ -237,9 +237,10 @@ class GoalSearch {
   void set_losses(double follow, double stay, const FlightPlan& plan, ComparedCourses& courses) const {
     const double blind = pricer_.blind_cost();
     if (blind <= 0) return;
-    if (std::isfinite(follow)) courses.follow_loss = follow / blind;
-    courses.stay_loss = stay / blind;
-    if (!plan.candidates.empty()) courses.plan_loss = plan.cost / blind;
+    const auto loss = [blind](double cost) { return std::clamp(cost / blind, 0.0, kMostLoss); };
+    if (std::isfinite(follow)) courses.follow_loss = loss(follow);
+    courses.stay_loss = loss(stay);
+    if (!plan.candidates.empty()) courses.plan_loss = loss(plan.cost);
   }
   bool decide_to_follow(double follow, double stay, double plan) {
     change_ = in_.carried.change.value_or(SummedGain{});

@@ -37,11 +37,9 @@ bool target_jumped(const StepInput& input, const std::vector<TargetPast>& before
   return false;
 }
 
-// The targets take turns by this number, so it must not skip. Where ticks are farther apart than decisions need be, each of them decides and counts.
 uint64_t number_of_decision(const StepInput& input, double clock_s) {
   const double every_s = input.settings.move.decide_every_s;
-  if (every_s <= 0 || follows_paper(input)) return input.tick;
-  return input.dt_s > every_s ? static_cast<uint64_t>(std::llround(clock_s / input.dt_s)) : static_cast<uint64_t>(clock_s / every_s);
+  return every_s > 0 && !follows_paper(input) ? static_cast<uint64_t>(clock_s / every_s) : input.tick;
 }
 
 // True where the last decision is old, or did not know what has changed since.

@@ -139,7 +139,7 @@ ViewpointLook plan_look(const SampleInput& in, SamplePlan& plan) {
   const StepInput& input = in.step.input;
   if (!searches(in.step)) return {};
   std::vector<MapView>& views = plan.views;
-  ViewpointLook look{.searches = true, .target = in.step.decision % input.targets.size(), .maps = {}, .asked_sight = 0};
+  ViewpointLook look{.searches = true, .target = in.carried.in_force.made % input.targets.size(), .maps = {}, .asked_sight = 0};
   CounterRandom random(input.seed, in.step.decision, RandomPurpose::kViewpointSearch);
   const glm::dvec3 eye_m = looking_point_m(looking_piece(input.scene, in.step.targets.pieces[look.target], random), random);
   const double x = random.next_unit(), y = random.next_unit();

@@ -18,8 +18,8 @@
 namespace sightline {
 namespace {
 
-constexpr uint64_t kEmbreeHash = 0xebae9730a4ab9301;
-constexpr uint64_t kLlvmpipeHash = 0xebae9730a4ab9301;
+constexpr uint64_t kEmbreeHash = 0x1e70e042f73ec4e1;
+constexpr uint64_t kLlvmpipeHash = 0x1e70e042f73ec4e1;
 
 std::string golden_path() {
   return SIGHTLINE_SOURCE_DIR "/tests/replay/golden/hall.mcap";

@@ -177,7 +177,7 @@ type MoveReason int32
 const (
 	// Never sent.
 	MoveReason_MOVE_REASON_UNSPECIFIED MoveReason = 0
-	// All targets are seen from where the camera is or goes, and the picture from there keeps the shot, within its free bands (ShotReport).
+	// All targets are seen from where the camera goes. That is the place of the shot, or a place whose picture keeps the shot within its free bands (ShotReport).
 	MoveReason_MOVE_REASON_AT_DESIRED_PLACE MoveReason = 1
 	// It goes to the nearest position that sees all targets.
 	MoveReason_MOVE_REASON_NEAREST_ALL_VISIBLE MoveReason = 2
@@ -207,7 +207,7 @@ const (
 	MoveReason_MOVE_REASON_FAR_VIEWPOINT MoveReason = 13
 	// All targets are seen from the place where the camera is or goes, but it is not that of the asked shot, since they are seen better from this one.
 	MoveReason_MOVE_REASON_OTHER_SHOT MoveReason = 14
-	// It goes where the targets are expected to be seen best over the coming second. It has not been certain for the last 0.3 s that all of them are seen from there.
+	// It goes where the targets are expected to be seen best over the coming second. Not all of them have been seen from there for the last 0.3 s.
 	MoveReason_MOVE_REASON_BEST_SOON MoveReason = 15
 	// It stays where it is: no position in reach is expected to be better by more than the way there costs.
 	MoveReason_MOVE_REASON_STAYS MoveReason = 16
@@ -296,21 +296,22 @@ type Course int32
 const (
 	// Never sent.
 	Course_COURSE_UNSPECIFIED Course = 0
-	// To the place of the shot, or to the viewpoint that was chosen in its place (MOVE_REASON_OTHER_SHOT), and on with the targets from there.
+	// The camera goes to the wanted place, and on with the targets from there. That is the place of the shot, or the viewpoint that was chosen instead
+	// (MOVE_REASON_OTHER_SHOT).
 	Course_COURSE_FOLLOW Course = 1
 	// It stays where it is.
 	Course_COURSE_STAY Course = 2
-	// Along the cheapest way through the coming 1.2 s.
+	// It flies the cheapest way through the coming 1.2 s.
 	Course_COURSE_PLAN Course = 3
-	// To the nearest place that sees a target.
+	// It goes to the nearest place that sees a target.
 	Course_COURSE_TO_VIEW Course = 4
-	// The way that the targets went.
+	// It goes the way that the targets went.
 	Course_COURSE_TRAIL Course = 5
-	// Nearer to the place of the shot, since no place in reach sees a target.
+	// It goes nearer to the wanted place if it can, since no place in reach sees a target.
 	Course_COURSE_APPROACH Course = 6
-	// Through the level to the nearest target.
+	// It goes through the level to the nearest target.
 	Course_COURSE_FAR_WAY Course = 7
-	// Through a time of less sight to the place of the shot.
+	// It goes to the wanted place, although it sees less on the way.
 	Course_COURSE_TO_SHOT Course = 8
 )
 
@@ -836,13 +837,13 @@ func (x *CandidateCounts) GetTargetVisibleCounts() []uint32 {
 	return nil
 }
 
-// The courses that a decision compared. A loss is the mean over the coming 1.2 s of what a picture is expected to lose of its worth (ShotReport.worth): what is hidden or cut off, and how
-// far it departs from the shot. It also holds a little for the length of the way, so it may exceed 1.
+// The courses that a decision compared. A loss is the cost of a course over the coming 1.2 s, as a share of what it costs to see no target all that time. It holds what is expected to be
+// hidden or cut off (beyond Tuning.move.cost.tolerance) and how far the pictures depart from the shot, and also the distance from the wanted place and the length of the way. So it may exceed 1, up to 1000.
 type ComparedCourses struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
 	// The course that the camera takes. It changes between COURSE_FOLLOW and the other two only when that gains for a while.
 	Taken Course `protobuf:"varint,1,opt,name=taken,proto3,enum=sightline.v1.Course" json:"taken,omitempty"`
-	// Expected loss of COURSE_FOLLOW. Absent: no straight way leads there, or the camera sees no target and does not compare.
+	// Expected loss of COURSE_FOLLOW. Absent: no straight way leads there, or the camera took a course without comparing.
 	FollowLoss *float64 `protobuf:"fixed64,2,opt,name=follow_loss,json=followLoss,proto3,oneof" json:"follow_loss,omitempty"`
 	// The same of COURSE_STAY.
 	StayLoss *float64 `protobuf:"fixed64,3,opt,name=stay_loss,json=stayLoss,proto3,oneof" json:"stay_loss,omitempty"`

@@ -965,7 +965,7 @@ type CameraReply struct {
 	BlockedBy uint64 `protobuf:"fixed64,26,opt,name=blocked_by,json=blockedBy,proto3" json:"blocked_by,omitempty"`
 	// The shot in force, and how far this pose departs from it. Absent: no target has a weight, or the settings keep no shot (FOLLOW_STAY).
 	Shot *ShotReport `protobuf:"bytes,27,opt,name=shot,proto3" json:"shot,omitempty"`
-	// The course of the newest decision, and the others that it was compared with. Absent: no target has a weight, or the preset is PRESET_PAPER.
+	// The course of the newest decision, and the others that it was compared with. Absent: no target has a weight, this reply cuts, or the strategy is not MIN_COST.
 	Courses       *ComparedCourses `protobuf:"bytes,28,opt,name=courses,proto3" json:"courses,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache

@@ -552,10 +552,10 @@ type ShotReport struct {
 	PlaceY float64 `protobuf:"fixed64,12,opt,name=place_y,json=placeY,proto3" json:"place_y,omitempty"`
 	// As Shot.roll_rad. Free: 0, limit: pi/4. It does not count for the worth.
 	Roll *ShotTerm `protobuf:"bytes,13,opt,name=roll,proto3" json:"roll,omitempty"`
-	// Where the camera would be for the shot as asked, within `limits`.
+	// Where the camera would be for the shot: the asked place, moved as little as the limits and the picture need. Client units.
 	Position *Vec3 `protobuf:"bytes,14,opt,name=position,proto3" json:"position,omitempty"`
-	// What is expected to hide a target from the place of the shot. Absent: nothing is, as far as the paths of the targets and occluders can be predicted. Only with
-	// Settings.search_viewpoints.
+	// What is expected to hide a target from the place of the shot next. Absent: nothing is, as far as the paths of the targets and occluders can be predicted, or that target is hidden
+	// from there already. Only with Settings.search_viewpoints. The place is taken to move with the targets; turns of the shot's frame and orbits are not predicted.
 	NextObstruction *ShotObstruction `protobuf:"bytes,15,opt,name=next_obstruction,json=nextObstruction,proto3" json:"next_obstruction,omitempty"`
 	unknownFields   protoimpl.UnknownFields
 	sizeCache       protoimpl.SizeCache
@@ -696,14 +696,14 @@ func (x *ShotReport) GetNextObstruction() *ShotObstruction {
 	return nil
 }
 
-// An instance that comes between a target and the place of the shot, if all of them move on as they do.
+// An instance that will come between a target and the place of the shot, if all of them move on as they do.
 type ShotObstruction struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
 	// The target that it will hide.
 	Target uint64 `protobuf:"fixed64,1,opt,name=target,proto3" json:"target,omitempty"`
 	// Id of the instance, which may be another target.
 	HiddenBy uint64 `protobuf:"fixed64,2,opt,name=hidden_by,json=hiddenBy,proto3" json:"hidden_by,omitempty"`
-	// The time until then, seconds, [0, 1.2].
+	// The time until the target is first hidden, seconds, [0, 1.2].
 	InS           float64 `protobuf:"fixed64,3,opt,name=in_s,json=inS,proto3" json:"in_s,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
