@@ -1,6 +1,6 @@
 // Checks the reasons that a camera gives (server/move/decision.h) by rays in the true scene.
 //
-// Reasons speak of places: "all targets are visible from the position that keeps the shot", "no position in reach sees all targets". The camera knows these places by
+// Reasons speak of places: "all targets are visible from the position that keeps the shot", "no position in reach is known to see all targets". The camera knows these places by
 // depth maps of low resolution. Here each place is looked at with kClaimRays rays to every target.
 #pragma once
 

@@ -35,11 +35,11 @@ std::string_view explain(MoveReason reason) {
     case MoveReason::kBestAllVisible:
       return "going to the position with the best view of all targets, now and soon";
     case MoveReason::kBestPartial:
-      return "no position in reach sees all targets; going to the best partial view";
+      return "no position in reach is known to see all targets; going to the best partial view";
     case MoveReason::kHorizonGrown:
-      return "no position in reach sees any target; looking farther away";
+      return "no position in reach is known to see any target; looking farther away";
     case MoveReason::kOnTrail:
-      return "no position in reach sees any target; following the targets' path";
+      return "no position in reach is known to see any target; following the targets' path";
     case MoveReason::kFarViewpoint:
       return "targets are hidden or will be soon; going to a viewpoint farther away that sees more of them";
     case MoveReason::kOtherShot:

@@ -83,7 +83,7 @@ struct WhatIsSeen {
 // The reason that is true of a course.
 MoveReason reason_of(FlightCourse course, const WhatIsSeen& seen);
 
-// The reason as one sentence: "no position in reach sees all targets; going to the best partial view".
+// The reason as one sentence: "no position in reach is known to see all targets; going to the best partial view".
 std::string_view explain(MoveReason reason);
 std::string_view to_string(TrackingStatus status);
 std::string_view to_string(MoveReason reason);

@@ -373,8 +373,8 @@ status. *TRACKING, half hidden*: share of the pictures that have this status alt
 
 # What each claim says, in the order of the page.
 CLAIMS = {"at_desired_place": "all targets are visible from where the camera goes, which keeps the shot", "other_shot": "all are, from another side than the asked one",
-          "best_all_visible": "all are, in another shot", "nearest_view": "some target is", "best_partial": "no position in reach sees all targets", "horizon_grown": "none sees any target",
-          "on_trail": "none sees any target", "obstruction_expected": "a target will be hidden from the place of the shot in so many seconds",
+          "best_all_visible": "all are, in another shot", "nearest_view": "some target is", "best_partial": "no position in reach is known to see all targets", "horizon_grown": "none is known to see any",
+          "on_trail": "none is known to see any", "obstruction_expected": "a target will be hidden from the place of the shot in so many seconds",
           "obstruction_not_expected": "nothing, and a target was hidden from there for 0.2 s and more"}
 
 
@@ -386,7 +386,7 @@ def reasons_part(folder):
             for claim, words in CLAIMS.items() if claim in counts]
     return ["""## Are the reasons true?
 
-What the default's reasons say of places, against 32 rays to each target in the true scene, over all runs of the scenes, levels, tiles and roofs that were played for it (`reasons.csv`). A place that is
+What the default's reasons say of places, against 32 rays to each target in the true scene, in runs of the scenes, levels and roofs (`reasons.csv`). A place that is
 said to see a target is false if no ray is free. "No position in reach" is false if half of the rays are free from one: to every target, or to any. An expected obstruction is false if the ray from
 there to the target's middle is not blocked within 0.2 s of the time that was told. It was not expected if no reply had named the target and this time, to within 0.2 s, at least 0.2 s before.
 
