@@ -181,9 +181,9 @@ const (
 	MoveReason_MOVE_REASON_AT_DESIRED_PLACE MoveReason = 1
 	// It goes to the nearest position that sees all targets.
 	MoveReason_MOVE_REASON_NEAREST_ALL_VISIBLE MoveReason = 2
-	// No position sees all targets: it goes where the most weight of required targets is seen, then the most of optional ones.
+	// No position in reach is known to see all targets: it goes where the most weight of required targets is seen, then the most of optional ones.
 	MoveReason_MOVE_REASON_BEST_PARTIAL MoveReason = 3
-	// No target is seen from any candidate: the next step looks farther.
+	// No candidate is known to see a target: the next step looks farther.
 	MoveReason_MOVE_REASON_HORIZON_GROWN MoveReason = 4
 	// The list of targets is empty, or every weight is 0.
 	MoveReason_MOVE_REASON_NO_TARGETS MoveReason = 5
@@ -198,7 +198,7 @@ const (
 	MoveReason_MOVE_REASON_OBSERVED_CUT MoveReason = 9
 	// It goes to the position that sees all targets at the least cost, now and soon.
 	MoveReason_MOVE_REASON_BEST_ALL_VISIBLE MoveReason = 10
-	// No target is seen from any candidate: it goes the way that the targets went.
+	// No candidate is known to see a target: it goes the way that the targets went.
 	MoveReason_MOVE_REASON_ON_TRAIL MoveReason = 11
 	// It jumped to a place that sees the targets, since Settings.cut_after_s allows it or Shot.cut asked for it.
 	MoveReason_MOVE_REASON_CUT MoveReason = 12
