@@ -26,7 +26,8 @@ void write_runs(std::ostream& out, std::span<const RunRecord> runs);
 // last columns are 0 or 1. `lost`: no pixel of any target is visible. `tracking`: the status is TRACKING; empty without a status.
 void write_pictures(std::ostream& out, std::span<const RunRecord> runs);
 // One row a run and reason: the number of decisions that gave the reason, of those at the judged pictures, and of those whose words rays contradict (reasons.h).
-// Two more rows: the frames that expected an obstruction of the shot and those of them that were wrong; and the obstructions that came, and those that nothing announced.
+// Two more rows tell of obstructions of the shot. obstruction_expected counts the frames that expected one, and those that were wrong. obstruction_not_expected counts those that came, and
+// those of them that nothing had announced.
 void write_reasons(std::ostream& out, std::span<const RunRecord> runs);
 // Seconds a run took and milliseconds a step took.
 void write_timing(std::ostream& out, std::span<const RunRecord> runs);

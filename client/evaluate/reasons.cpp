@@ -7,7 +7,7 @@
 namespace sightline {
 namespace {
 
-// What a reason says of which places.
+// The kinds of claims about places.
 enum class Says {
   kNothing,
   kAllSeenThere,   // all targets are seen from the place

@@ -16,8 +16,8 @@
 namespace sightline {
 
 inline constexpr size_t kClaimRays = 32;
-// "Seen" and "not seen" are false only where they are clearly so: a target that is said to be seen must have one free ray, and one that is said to be hidden is not when
-// this share of its rays is free.
+// A claim counts as false only where it is clearly so. A target that is said to be seen needs a single free ray. A place that is said not to see it is overlooked if this
+// share of the rays is free.
 inline constexpr double kClearlySeen = 0.5;
 
 // A reason, and the places that it speaks of.
@@ -28,7 +28,8 @@ struct ReasonClaim {
   std::optional<glm::dvec3> place_m;  // where the camera goes; world
   std::vector<glm::dvec3> reach_m;    // all positions in reach; empty if the reason does not speak of them
 };
-// The claim of a step that decided; empty if its reason says nothing about places. `time_s`: of the step. In reach are the candidates where a body of this radius fits.
+// The claim of a step that decided; empty if its reason says nothing about places, or if it has no place. `time_s`: of the step. In reach are the candidates where a body of
+// this radius fits.
 std::optional<ReasonClaim> claim_of(const StepDump& dump, double time_s, double body_radius_m);
 
 enum class Verdict { kHolds, kFalse };
@@ -42,20 +43,21 @@ struct ReasonCount {
 using ReasonCounts = std::map<MoveReason, ReasonCount>;
 ReasonCounts check_reasons(ScenarioWorld& world, ExtentCache& extents, std::span<const ReasonClaim> claims);
 
-// What a policy says of the place of its shot at one frame (ShotReport).
+// The place of the shot at one frame, and what the policy expects there (ShotReport).
 struct AskedPlace {
   double time_s = 0.0;
   glm::dvec3 place_m{0.0};     // world
   uint64_t soon_target = 0;    // the target that is expected to be hidden from there; 0: none
   double soon_s = 0.0;         // when, from time_s on
 };
-// A target counts as hidden from the place if a ray to its aim point is.
-struct ObstructionCounts {
-  size_t announced = 0, came_true = 0;          // frames that expect one; those where it came, at most kAnnouncedWithinS before or after
-  // Times at which a target began to be hidden for kObstructionS; those for which a reply of at least kWarningS before named the target and the time, to within kAnnouncedWithinS.
-  size_t began = 0, began_announced = 0;
-};
 inline constexpr double kAnnouncedWithinS = 0.2, kObstructionS = 0.2, kWarningS = 0.2;
+// A target counts as hidden from the place if the ray to its aim point is blocked.
+struct ObstructionCounts {
+  size_t announced = 0;        // frames that expect a target to be hidden
+  size_t came_true = 0;        // of these: it is hidden at that time, to within kAnnouncedWithinS
+  size_t began = 0;            // times at which some target began to be hidden, and stayed so for kObstructionS
+  size_t began_announced = 0;  // of these: a frame at least kWarningS before named the target and the time, to within kAnnouncedWithinS
+};
 ObstructionCounts check_obstructions(ScenarioWorld& world, std::span<const AskedPlace> places);
 
 }  // namespace sightline

@@ -59,8 +59,8 @@ enum class FlightCourse {
   kFarWay,    // blind for long: through the level to the nearest target
   kToShot,    // through a time of less sight to the wanted shot
 };
-// What a decision compared: the cost of each course over the coming 1.2 s, as a share of what it costs to see no target all that time. It holds what pictures are expected to lack
-// and how far they depart from the shot, and also the distance from the wanted place and the length of the way. So it may exceed 1, up to kMostLoss.
+// The courses that a decision compared. A loss is the cost of a course over the coming 1.2 s, as a share of what it costs to see no target all that time. It holds what pictures are
+// expected to lack, and how far they depart from the shot. It also holds the distance from the wanted place and the length of the way, so it may exceed 1, up to kMostLoss.
 inline constexpr double kMostLoss = 1000.0;
 struct ComparedCourses {
   std::optional<FlightCourse> taken;  // empty: the camera has no flight plan

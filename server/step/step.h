@@ -108,9 +108,9 @@ struct ShotReport {
   double hidden_share = 0.0;     // of the targets from the place of the shot, lately
   uint64_t hidden_by = 0, hidden_target = 0;
   glm::dvec3 place_m{0.0};       // of the shot, within the limits; world
-  // The instance that is expected to be the first to hide a target from the moving place of the shot, and when; 0: none is, as far as predictions go.
-  uint64_t soon_by = 0, soon_target = 0;
-  double soon_s = 0.0;
+  uint64_t soon_by = 0;          // the instance that is expected to hide a target from there next; 0: none is expected to
+  uint64_t soon_target = 0;      // that target
+  double soon_s = 0.0;           // when, from now, [0, 1.2]
 };
 
 struct StepFlags {

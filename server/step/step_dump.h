@@ -86,10 +86,10 @@ struct PairPlan {
 
 // A single ray from where a target will be to where the place of the client's shot will be then.
 struct SightAhead {
-  size_t target = 0;
-  uint32_t map = 0;
-  double ahead_s = 0.0;
-  glm::dvec3 place_m{0.0};
+  size_t target = 0;        // index
+  uint32_t map = 0;         // index of the map of a single texel
+  double ahead_s = 0.0;     // when, from the step's present
+  glm::dvec3 place_m{0.0};  // of the shot then; world
 };
 
 // The maps that the viewpoint search takes in all directions from one target. Empty when the search is off.
