@@ -200,7 +200,8 @@ void Stepper::keep_decision(const StepContext& step) {
   if (!step.decides) return static_cast<void>(kept.age_s += step.move_s);
   const Decision& decision = dump_.decision;
   if (step.move_s > 0) {
-    kept.age_s = 0.0, kept.is_due = decision.cut, ++kept.made;
+    kept.age_s = 0.0, kept.is_due = decision.cut;
+    kept.made = step.target_count() > 0 ? kept.made + 1 : 0;
     kept.tracking = decision.tracking;
     kept.status = decision.status, kept.reason = decision.course_reason, kept.courses = decision.courses, kept.facts = decision.facts;
     kept.view_way_m = decision.view_way_m, kept.sees_none = decision.sees_none, kept.nearest_view_m = decision.nearest_view_m;

@@ -48,7 +48,8 @@ struct Tracking {
 struct DecisionInForce {
   double age_s = 0.0;    // the time that the camera has moved for since
   double clock_s = 0.0;  // the time that it has moved for since the session opened
-  uint64_t made = 0;     // the number of decisions of a camera that moves, by which the targets take turns
+  // The number of decisions of a camera that moves since there were no targets. By it, the targets take turns.
+  uint64_t made = 0;
   bool is_due = true;    // the next step decides, however young the last decision is
   Tracking tracking;
   MoveStatus status = MoveStatus::kHolding;
