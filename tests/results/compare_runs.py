@@ -21,6 +21,10 @@ from figures import distinct, read_table, select
 # `factor` turns the column's unit into the one that is shown; `rising` says that more is better.
 Figure = collections.namedtuple("Figure", "column title unit factor digits rising")
 FIGURES = (
+    Figure("mean_worth", "worth", "%", 100, 2, True),
+    Figure("joint_whole_share", "everybody whole", "%", 100, 2, True),
+    Figure("mean_sight_loss", "sight loss", "%", 100, 2, False),
+    Figure("mean_shot_loss", "shot loss", "%", 100, 2, False),
     Figure("joint_visible_share", "joint share", "%", 100, 2, True),
     Figure("r_n", "r_N, nobody seen", "%", 100, 2, False),
     Figure("longest_blind_s", "longest blind stretch", "s", 1, 2, False),
