@@ -31,11 +31,10 @@ bool is_in_arena(const Node& n) {
 }
 
 // The step of one target: a free neighbour, never straight back; it waits for a step when there is none.
-Node choose_step(const Node& here, const Node& before, const std::vector<Node>& taken,
-                 CounterRandom& random) {
+Node choose_step(const Node& here, const Node& before, const std::vector<Node>& taken, CounterRandom& random) {
   std::vector<Node> free;
-  for (const Node& next : {Node{here.x + 1, here.z}, Node{here.x, here.z + 1}, Node{here.x - 1, here.z},
-                           Node{here.x, here.z - 1}})
+  for (const Node& next :
+       {Node{here.x + 1, here.z}, Node{here.x, here.z + 1}, Node{here.x - 1, here.z}, Node{here.x, here.z - 1}})
     if (is_in_arena(next) && std::find(taken.begin(), taken.end(), next) == taken.end()) free.push_back(next);
   std::erase(free, before);  // of one that has waited, `before` is `here`
   return free.empty() ? here : free[random.next_below(static_cast<uint32_t>(free.size()))];
@@ -77,8 +76,7 @@ void add_obstacles(ScenarioBuilder& scene, CounterRandom& random) {
     append_frustum(drum, {0, 0, 0}, 0.875, 0.8125, height, 16);
     const int number = static_cast<int>(meshes.size()) / 2;
     meshes.push_back(scene.add_mesh(numbered("drum", number), drum, colors::kStone));
-    meshes.push_back(
-        scene.add_mesh(numbered("crate", number), standing_box(1.625, height, 1.625), colors::kWood));
+    meshes.push_back(scene.add_mesh(numbered("crate", number), standing_box(1.625, height, 1.625), colors::kWood));
   }
   int count = 0;
   for (int x = -kReach; x < kReach; ++x)
@@ -96,8 +94,7 @@ void add_shell(ScenarioBuilder& scene) {
   const int piece = scene.add_mesh("wall", standing_box(2.1875, kWallHeight_m, 0.25), colors::kWall);
   for (int i = 0; i < kWallPieces; ++i) {
     const glm::dvec2 out = circle_point(static_cast<double>(i) / kWallPieces);
-    scene.add_static(numbered("wall", i), piece, {kWallRadius_m * out.x, 0, kWallRadius_m * out.y},
-                     facing(out));
+    scene.add_static(numbered("wall", i), piece, {kWallRadius_m * out.x, 0, kWallRadius_m * out.y}, facing(out));
   }
 }
 

@@ -1,5 +1,5 @@
-// Arena: two to eight targets run around obstacles inside a ring wall, while carts and screens circle them. It tests more than two
-// targets, and the choice of the target to lose when not all can be seen.
+// Arena: two to eight targets run around obstacles inside a ring wall, while carts and screens circle them. It tests
+// more than two targets, and the choice of the target to lose when not all can be seen.
 #pragma once
 
 #include <cstddef>

@@ -29,8 +29,7 @@ void append_window(MeshData& mesh, const Facade& wall, const Opening& cell, cons
                               wall.at(cell.right_m, cell.head_m), wall.at(cell.left_m, cell.head_m)};
   glm::dvec3 edge[4], pane[4];
   for (int i = 0; i < 4; ++i) {
-    const double along = i == 0 || i == 3 ? hole.left_m : hole.right_m,
-                 up = i < 2 ? hole.sill_m : hole.head_m;
+    const double along = i == 0 || i == 3 ? hole.left_m : hole.right_m, up = i < 2 ? hole.sill_m : hole.head_m;
     edge[i] = wall.at(along, up);
     pane[i] = wall.at(along, up, kRecess_m);
   }
@@ -46,8 +45,7 @@ void append_facade(MeshData& mesh, const Facade& wall, const BuildingPlan& plan)
   const double width = plan.side_m / plan.windows;
   for (int floor = 0; floor < plan.floors; ++floor)
     for (int window = 0; window < plan.windows; ++window) {
-      const Opening cell{window * width, (window + 1) * width, floor * plan.floor_m,
-                         (floor + 1) * plan.floor_m};
+      const Opening cell{window * width, (window + 1) * width, floor * plan.floor_m, (floor + 1) * plan.floor_m};
       const Opening hole{cell.left_m + 0.25 * width, cell.right_m - 0.25 * width, cell.sill_m + 0.875,
                          cell.head_m - 0.5};
       append_window(mesh, wall, cell, hole);
@@ -65,13 +63,11 @@ void append_roof(MeshData& mesh, const BuildingPlan& plan) {
     const int next = (i + 1) % 4;
     append_quad(mesh, corner(outer, i, roof), corner(outer, next, roof), corner(outer, next, rim),
                 corner(outer, i, rim));
-    append_quad(mesh, corner(outer, i, rim), corner(outer, next, rim), corner(inner, next, rim),
-                corner(inner, i, rim));
+    append_quad(mesh, corner(outer, i, rim), corner(outer, next, rim), corner(inner, next, rim), corner(inner, i, rim));
     append_quad(mesh, corner(inner, i, rim), corner(inner, next, rim), corner(inner, next, roof),
                 corner(inner, i, roof));
   }
-  append_quad(mesh, corner(inner, 0, roof), corner(inner, 1, roof), corner(inner, 2, roof),
-              corner(inner, 3, roof));
+  append_quad(mesh, corner(inner, 0, roof), corner(inner, 1, roof), corner(inner, 2, roof), corner(inner, 3, roof));
 }
 
 }  // namespace

@@ -48,8 +48,8 @@ std::vector<CatalogEntry> study_entries() {
   };
 }
 
-// A fence for a camera that may be anywhere in the bound at the next step, as in the paper's Table 3. At a greatest acceleration of 10 m/s^2 a
-// camera has hardly begun to move when a picket has passed.
+// A fence for a camera that may be anywhere in the bound at the next step, as in the paper's Table 3. At a greatest
+// acceleration of 10 m/s^2 a camera has hardly begun to move when a picket has passed.
 FenceOptions agile_fence(uint64_t seed) {
   return {.seed = seed, .picket_m = 0.07, .limits = {1000, 1000}};
 }
@@ -94,7 +94,8 @@ std::vector<CatalogEntry> situation_entries() {
        [](const SceneRequest& r) { return make_corridors({.seed = r.seed, .width_m = 1.0, .targets = 1}); }},
       {"doors-roofed", "nine roofed rooms whose doors shut from 0.8 s behind the targets on", kGroup,
        [](const SceneRequest& r) { return make_doors({.seed = r.seed, .hold_s = 0.8, .roofed = true}); }},
-      {"maze", "a maze of 11 x 11 cells, two targets", kGroup, [](const SceneRequest& r) { return make_maze({.seed = r.seed}); }},
+      {"maze", "a maze of 11 x 11 cells, two targets", kGroup,
+       [](const SceneRequest& r) { return make_maze({.seed = r.seed}); }},
       {"maze-roofed", "the maze under a ceiling, one target", kGroup,
        [](const SceneRequest& r) { return make_maze({.seed = r.seed, .targets = 1, .roofed = true}); }},
       {"stairwell", "four storeys of stairs in a closed shaft, one target", kGroup,
@@ -108,11 +109,17 @@ std::vector<CatalogEntry> situation_entries() {
       {"pitch", "22 players and a ball; two of them and the ball are the targets", kGroup,
        [](const SceneRequest& r) { return make_pitch({.seed = r.seed}); }},
       {"sprint-10", "open ground, a car faster than the camera, then slower; camera 10 m/s, 10 m/s^2", kGroup,
-       [](const SceneRequest& r) { return make_sprint({.seed = r.seed, .limits = {10, 10}}); }},
+       [](const SceneRequest& r) {
+         return make_sprint({.seed = r.seed, .limits = {10, 10}});
+       }},
       {"sprint-12", "the same; camera 12 m/s, 4 m/s^2", kGroup,
-       [](const SceneRequest& r) { return make_sprint({.seed = r.seed, .limits = {12, 4}}); }},
+       [](const SceneRequest& r) {
+         return make_sprint({.seed = r.seed, .limits = {12, 4}});
+       }},
       {"sprint-40", "the same; camera 40 m/s, 20 m/s^2", kGroup,
-       [](const SceneRequest& r) { return make_sprint({.seed = r.seed, .limits = {40, 20}}); }},
+       [](const SceneRequest& r) {
+         return make_sprint({.seed = r.seed, .limits = {40, 20}});
+       }},
       {"parting", "open ground, two targets part for 60 m and come back", kGroup,
        [](const SceneRequest& r) { return make_parting({.seed = r.seed}); }},
       {"leaving", "open ground, one of two targets leaves for good", kGroup,
@@ -126,7 +133,8 @@ std::vector<CatalogEntry> situation_entries() {
 
 std::vector<CatalogEntry> all_entries() {
   std::vector<CatalogEntry> all = study_entries();
-  for (std::vector<CatalogEntry> more : {level_entries(), tile_entries(), roof_entries(), situation_entries(), paper_entries()})
+  for (std::vector<CatalogEntry> more :
+       {level_entries(), tile_entries(), roof_entries(), situation_entries(), paper_entries()})
     all.insert(all.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
   return all;
 }

@@ -17,8 +17,8 @@ namespace sightline::scenes {
 // The options that callers by name can set; the others keep the defaults of the scene's own options.
 struct SceneRequest {
   uint64_t seed = 1;
-  int arena_targets = 4;  // [2, 8]
-  int crowd_movers = 20;  // [0, 35]
+  int arena_targets = 4;   // [2, 8]
+  int crowd_movers = 20;   // [0, 35]
   std::string tiles = {};  // folder of the tile set; empty: the environment variable names it (tile_set.h)
 };
 
@@ -32,8 +32,8 @@ enum class SceneGroup {
 };
 std::string_view name_of(SceneGroup group);  // "study", "levels", "tiles", "roofs", "situations", "paper"
 std::optional<SceneGroup> find_group(std::string_view name);
-inline constexpr SceneGroup kAllGroups[] = {SceneGroup::kStudy, SceneGroup::kLevels, SceneGroup::kTiles,
-                                             SceneGroup::kRoofs, SceneGroup::kSituations, SceneGroup::kPaper};
+inline constexpr SceneGroup kAllGroups[] = {SceneGroup::kStudy, SceneGroup::kLevels,     SceneGroup::kTiles,
+                                            SceneGroup::kRoofs, SceneGroup::kSituations, SceneGroup::kPaper};
 
 struct CatalogEntry {
   std::string name;  // also the file's name, before ".glb"

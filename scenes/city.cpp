@@ -41,8 +41,7 @@ constexpr std::array<BuildingPlan, 12> kPlans{{{3, 3, 11.0, 3.5},
 
 template <typename T>
 void shuffle(std::vector<T>& items, CounterRandom& random) {
-  for (size_t i = items.size(); i > 1; --i)
-    std::swap(items[i - 1], items[random.next_below(static_cast<uint32_t>(i))]);
+  for (size_t i = items.size(); i > 1; --i) std::swap(items[i - 1], items[random.next_below(static_cast<uint32_t>(i))]);
 }
 
 glm::dvec2 block_corner(int bx, int bz) {
@@ -68,8 +67,8 @@ void add_buildings(ScenarioBuilder& scene, CounterRandom& random) {
     }
 }
 
-// A site at the edge of a block: its position, the direction of the street, and the quarter turn that makes an object's +z point to
-// the street.
+// A site at the edge of a block: its position, the direction of the street, and the quarter turn that makes an object's
+// +z point to the street.
 struct Site {
   glm::dvec2 edge_m;
   glm::dvec2 outwards;
@@ -128,8 +127,7 @@ void add_street_furniture(ScenarioBuilder& scene, CounterRandom& random) {
   size_t next = 0;
   const auto place = [&](const char* name, size_t count, int mesh, double outwards_m) {
     for (size_t k = 0; k < count; ++k, ++next) {
-      const glm::dvec2 p =
-          sites[next % sites.size()].edge_m + sites[next % sites.size()].outwards * outwards_m;
+      const glm::dvec2 p = sites[next % sites.size()].edge_m + sites[next % sites.size()].outwards * outwards_m;
       scene.add_static(numbered(name, static_cast<int>(k)), mesh, {p.x, 0, p.y},
                        quarter_turns(sites[next % sites.size()].turn));
     }
@@ -168,12 +166,10 @@ void add_traffic(ScenarioBuilder& scene, const glm::dvec2& corner, double durati
   attributes.collides = false;            // faster than a camera can evade
   const double reach = 4.0 * duration_s;  // 8 m/s
   const double road_z = corner.y + kWalking_m - kStreet_m / 2, road_x = corner.x - kWalking_m + kStreet_m / 2;
-  const double first = corner.x - 12 + snapped_in(random, -4, 4),
-               second = corner.y + 8 + snapped_in(random, -4, 4);
-  scene.add_occluder(
-      "van-1", van, drive({first - reach, 0, road_z}, {first + reach, 0, road_z}, 0, duration_s), attributes);
-  scene.add_occluder("van-2", van,
-                     drive({road_x, 0, second + reach}, {road_x, 0, second - reach}, 1, duration_s),
+  const double first = corner.x - 12 + snapped_in(random, -4, 4), second = corner.y + 8 + snapped_in(random, -4, 4);
+  scene.add_occluder("van-1", van, drive({first - reach, 0, road_z}, {first + reach, 0, road_z}, 0, duration_s),
+                     attributes);
+  scene.add_occluder("van-2", van, drive({road_x, 0, second + reach}, {road_x, 0, second - reach}, 1, duration_s),
                      attributes);
 }
 

@@ -1,6 +1,6 @@
-// City (the 280 K triangles of the paper's Table 1): 30 blocks with 240 buildings that have real window recesses, and streets with
-// trees, lamps and parked cars. Two targets walk along a street and around a corner while two vans drive past. It tests cost. The
-// number of triangles is the same for every seed.
+// City (the 280 K triangles of the paper's Table 1): 30 blocks with 240 buildings that have real window recesses, and
+// streets with trees, lamps and parked cars. Two targets walk along a street and around a corner while two vans drive
+// past. It tests cost. The number of triangles is the same for every seed.
 #pragma once
 
 #include <cstddef>

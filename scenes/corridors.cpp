@@ -114,13 +114,13 @@ void open_blind_passages(Passages& passages, double share, CounterRandom& random
       if (random.next_unit() < share && !passages.has(beside(c, side))) passages.open(c, side);
 }
 
-// Adds two kinds of wall. Each side of a crossing without a passage gets one that is long enough to close the corners with its
-// neighbours. Each passage gets two that are no longer than the passage, so that none juts into another.
+// Adds two kinds of wall. Each side of a crossing without a passage gets one that is long enough to close the corners
+// with its neighbours. Each passage gets two that are no longer than the passage, so that none juts into another.
 void add_walls(ScenarioBuilder& scene, const Passages& passages, double half_width_m) {
-  const int closing = scene.add_mesh(
-      "closing", standing_box(2 * half_width_m + 2 * kWall_m, kHeight_m, kWall_m), colors::kWall);
-  const int along =
-      scene.add_mesh("along", standing_box(kPitch_m - 2 * half_width_m, kHeight_m, kWall_m), colors::kWall);
+  const int closing = scene.add_mesh("closing", standing_box(2 * half_width_m + 2 * kWall_m, kHeight_m, kWall_m),
+                                     colors::kWall);
+  const int along = scene.add_mesh("along", standing_box(kPitch_m - 2 * half_width_m, kHeight_m, kWall_m),
+                                   colors::kWall);
   int count = 0;
   const auto put = [&](int mesh, const glm::dvec2& middle, size_t side) {
     const glm::dvec2 out(kSides[side].first, kSides[side].second);

@@ -1,5 +1,6 @@
-// Corridors: passages 2 m wide and 2.8 m high under a ceiling, with right-angled corners and dead ends. Two targets walk one behind
-// the other. It tests corners: a camera sees around a corner only after it has turned the corner itself, and there is no other way.
+// Corridors: passages 2 m wide and 2.8 m high under a ceiling, with right-angled corners and dead ends. Two targets
+// walk one behind the other. It tests corners: a camera sees around a corner only after it has turned the corner
+// itself, and there is no other way.
 #pragma once
 
 #include <cstddef>

@@ -54,8 +54,7 @@ Round walk_round(double duration_s, CounterRandom& random) {
 }
 
 size_t ticks_in(double duration_s) {
-  return static_cast<size_t>(std::ceil((duration_s + 0.5) / kTick_s)) +
-         1;  // half a second more: the last corner
+  return static_cast<size_t>(std::ceil((duration_s + 0.5) / kTick_s)) + 1;  // half a second more: the last corner
 }
 
 Plan plan_of(const TimedPath& path, double duration_s) {
@@ -65,16 +64,14 @@ Plan plan_of(const TimedPath& path, double duration_s) {
   return plan;
 }
 
-std::vector<Column> place_columns(const std::array<Plan, 2>& targets, const glm::dvec2& eye_m,
-                                  CounterRandom& random) {
+std::vector<Column> place_columns(const std::array<Plan, 2>& targets, const glm::dvec2& eye_m, CounterRandom& random) {
   std::vector<Column> columns;
   const auto is_free = [&](const glm::dvec2& p) {
     const auto keeps = [&p](double least_m) {
       return [&p, least_m](const glm::dvec2& at) { return length(at - p) >= least_m; };
     };
     return length(p - eye_m) >= kFreeView_m + kColumnRadius_m &&
-           std::all_of(columns.begin(), columns.end(),
-                       [&](const Column& c) { return length(c.middle_m - p) >= 3; }) &&
+           std::all_of(columns.begin(), columns.end(), [&](const Column& c) { return length(c.middle_m - p) >= 3; }) &&
            std::all_of(targets[0].begin(), targets[0].end(), keeps(kColumnRadius_m + 0.6)) &&
            std::all_of(targets[1].begin(), targets[1].end(), keeps(kColumnRadius_m + 0.6));
   };
@@ -85,12 +82,12 @@ std::vector<Column> place_columns(const std::array<Plan, 2>& targets, const glm:
   return columns;
 }
 
-// Plans the walks of the movers one after another. A walk is a row of straight legs to points near the targets, chosen so that the
-// mover meets none of those planned before.
+// Plans the walks of the movers one after another. A walk is a row of straight legs to points near the targets, chosen
+// so that the mover meets none of those planned before.
 class CrowdPlanner {
  public:
-  CrowdPlanner(const std::array<Plan, 2>& targets, const std::vector<Column>& columns,
-               const glm::dvec2& eye_m, CounterRandom& random)
+  CrowdPlanner(const std::array<Plan, 2>& targets, const std::vector<Column>& columns, const glm::dvec2& eye_m,
+               CounterRandom& random)
       : bodies_(targets.begin(), targets.end()), columns_(columns), eye_m_(eye_m), random_(random) {}
 
   // The mover starts the farther off the more often no walk was found, so that one is found at last.
@@ -204,14 +201,12 @@ std::vector<std::byte> make_crowd(const CrowdOptions& options) {
   const Round round = walk_round(options.duration_s, walk_random);
   const auto beside = [&](double side) {
     std::vector<double> distances_m;
-    for (size_t k = 0; k < round.corners.size(); ++k)
-      distances_m.push_back(side * walk_random.next_in(0.6, 1.1));
+    for (size_t k = 0; k < round.corners.size(); ++k) distances_m.push_back(side * walk_random.next_in(0.6, 1.1));
     return TimedPath(parallel(round.corners, distances_m), round.times_s);
   };
   const TimedPath left = beside(1), right = beside(-1);
   const std::array<Plan, 2> targets{plan_of(left, options.duration_s), plan_of(right, options.duration_s)};
-  const glm::dvec2 start = round.corners[0],
-                   forward = (round.corners[1] - start) / length(round.corners[1] - start);
+  const glm::dvec2 start = round.corners[0], forward = (round.corners[1] - start) / length(round.corners[1] - start);
   const glm::dvec2 eye = start - forward * 5.5;
 
   const std::vector<Column> columns = place_columns(targets, eye, column_random);

@@ -1,5 +1,5 @@
-// Crowd: two targets walk around a plaza with a few columns, and up to 35 others walk across their path and between them and the
-// camera. It tests short occlusions from all sides that cannot be predicted from the geometry.
+// Crowd: two targets walk around a plaza with a few columns, and up to 35 others walk across their path and between
+// them and the camera. It tests short occlusions from all sides that cannot be predicted from the geometry.
 #pragma once
 
 #include <cstddef>

@@ -106,11 +106,10 @@ Motion sliding(const Door& door, double offset_m, double duration_s) {
 }
 
 void add_leaves(ScenarioBuilder& scene, const std::vector<Door>& doors, const RoomDoors& plan) {
-  const int leaf =
-      scene.add_mesh("leaf", standing_box(kLeaf_m, kDoorHeight_m + 0.0625, kHalfWall_m), colors::kWood);
+  const int leaf = scene.add_mesh("leaf", standing_box(kLeaf_m, kDoorHeight_m + 0.0625, kHalfWall_m), colors::kWood);
   for (const Door& door : doors)
-    scene.add_occluder(numbered(numbered(door.across == 0 ? "door-x" : "door-z", door.low.i), door.low.j),
-                       leaf, sliding(door, plan.offset_m(door.low, door.across), scene.duration_s()), {});
+    scene.add_occluder(numbered(numbered(door.across == 0 ? "door-x" : "door-z", door.low.i), door.low.j), leaf,
+                       sliding(door, plan.offset_m(door.low, door.across), scene.duration_s()), {});
 }
 
 void add_roof(ScenarioBuilder& scene) {

@@ -13,10 +13,10 @@ double to_grid(double value, double steps) {
 // Taylor series on |x| <= pi / 4: the first term left out is below 1e-13.
 glm::dvec2 small_angle(double x) {
   const double q = x * x;
-  const double cosine =
-      1 - q / 2 * (1 - q / 12 * (1 - q / 30 * (1 - q / 56 * (1 - q / 90 * (1 - q / 132 * (1 - q / 182))))));
-  const double sine =
-      x * (1 - q / 6 * (1 - q / 20 * (1 - q / 42 * (1 - q / 72 * (1 - q / 110 * (1 - q / 156))))));
+  const double cosine = 1 -
+                        q / 2 *
+                            (1 - q / 12 * (1 - q / 30 * (1 - q / 56 * (1 - q / 90 * (1 - q / 132 * (1 - q / 182))))));
+  const double sine = x * (1 - q / 6 * (1 - q / 20 * (1 - q / 42 * (1 - q / 72 * (1 - q / 110 * (1 - q / 156))))));
   return {cosine, sine};
 }
 

@@ -1,5 +1,5 @@
-// Arithmetic that gives the same bits with every compiler and C library. It uses only +, -, *, / and sqrt, which IEEE 754 rounds
-// correctly. The library is built with -ffp-contract=off for the same reason.
+// Arithmetic that gives the same bits with every compiler and C library. It uses only +, -, *, / and sqrt, which IEEE
+// 754 rounds correctly. The library is built with -ffp-contract=off for the same reason.
 #pragma once
 
 #include <glm/glm.hpp>

@@ -52,8 +52,7 @@ Polyline wind(double length_m, CounterRandom& random) {
     // Turns to the other side of +x more often than not, so that the path winds.
     const double bend_turns = random.next_in(kStraightest_turns, kSharpest_turns);
     const bool to_left = random.next_unit() < (heading_turns > 0 ? 0.75 : 0.25);
-    heading_turns =
-        std::clamp(heading_turns + (to_left ? -bend_turns : bend_turns), -kSteepest_turns, kSteepest_turns);
+    heading_turns = std::clamp(heading_turns + (to_left ? -bend_turns : bend_turns), -kSteepest_turns, kSteepest_turns);
   }
   return way;
 }
@@ -61,8 +60,7 @@ Polyline wind(double length_m, CounterRandom& random) {
 // An offset to the left (side 1) or right (-1) of the path, at a distance that changes from corner to corner.
 Polyline beside(const Polyline& way, double side, CounterRandom& random) {
   std::vector<double> distances_m;
-  for (size_t k = 0; k < way.size(); ++k)
-    distances_m.push_back(side * random.next_in(kNearest_m, kFarthest_m));
+  for (size_t k = 0; k < way.size(); ++k) distances_m.push_back(side * random.next_in(kNearest_m, kFarthest_m));
   return parallel(way, distances_m);
 }
 
@@ -85,8 +83,7 @@ std::array<Motion, 2> walk_in_forest(double duration_s, CounterRandom& random) {
 
 double distance_m(const Motion& motion, const glm::dvec2& p) {
   double least_m = 1e9;
-  for (const glm::dvec3& at : motion.positions_m)
-    least_m = std::min(least_m, length({at.x - p.x, at.z - p.y}));
+  for (const glm::dvec3& at : motion.positions_m) least_m = std::min(least_m, length({at.x - p.x, at.z - p.y}));
   return least_m;
 }
 
@@ -110,8 +107,7 @@ class Planter {
  private:
   void add_meshes(const TreePlan& tree) {
     MeshData trunk, crown;
-    append_frustum(trunk, {0, 0, 0}, tree.trunk_radius_m, tree.trunk_radius_m * 0.75, tree.trunk_height_m,
-                   10);
+    append_frustum(trunk, {0, 0, 0}, tree.trunk_radius_m, tree.trunk_radius_m * 0.75, tree.trunk_height_m, 10);
     if (tree.is_cone)
       append_frustum(crown, {0, tree.crown_foot_m, 0}, tree.crown_radius_m, 0, tree.crown_height_m, 10);
     else
@@ -158,8 +154,7 @@ void add_trees(ScenarioBuilder& scene, const std::array<Motion, 2>& walks, const
       const bool low = random.next_unit() < options.low_share;
       const size_t kind = low ? kHighTrees.size() + random.next_below(kLowTrees.size())
                               : random.next_below(kHighTrees.size());
-      const glm::dvec2 p{x + snapped_in(random, 0, options.spacing_m),
-                         z + snapped_in(random, 0, options.spacing_m)};
+      const glm::dvec2 p{x + snapped_in(random, 0, options.spacing_m), z + snapped_in(random, 0, options.spacing_m)};
       const double turns = random.next_in(0, 1);
       const double to_way_m = std::min(distance_m(walks[0], p), distance_m(walks[1], p));
       const bool in_the_way = to_way_m < plan_of(kind).body_radius_m() + kBodyRadius_m + kFreeWay_m;

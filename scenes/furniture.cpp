@@ -14,10 +14,12 @@ struct Kind {
   const char* name;
   glm::dvec3 size_m;
 };
-constexpr std::array<Kind, 3> kKinds{{{"table", {1.25, 0.75, 0.75}}, {"shelf", {1.0, 2.0, 0.375}}, {"sofa", {1.75, 0.875, 0.875}}}};
+constexpr std::array<Kind, 3> kKinds{
+    {{"table", {1.25, 0.75, 0.75}}, {"shelf", {1.0, 2.0, 0.375}}, {"sofa", {1.75, 0.875, 0.875}}}};
 
 double distance_m(const FloorArea& piece, const glm::dvec2& p) {
-  const double dx = std::abs(p.x - piece.middle_m.x) - piece.half_m.x, dz = std::abs(p.y - piece.middle_m.y) - piece.half_m.y;
+  const double dx = std::abs(p.x - piece.middle_m.x) - piece.half_m.x,
+               dz = std::abs(p.y - piece.middle_m.y) - piece.half_m.y;
   return length({std::max(dx, 0.0), std::max(dz, 0.0)});
 }
 

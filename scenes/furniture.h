@@ -21,8 +21,8 @@ class Furniture {
   // Adds the meshes to `scene`, which must outlive the object.
   explicit Furniture(ScenarioBuilder& scene);
 
-  // Chooses a piece and a place for it by chance. The piece stands wholly within `area`. It is left out if it would be nearer than 0.7 m to one of the
-  // places that are kept free.
+  // Chooses a piece and a place for it by chance. The piece stands wholly within `area`. It is left out if it would be
+  // nearer than 0.7 m to one of the places that are kept free.
   void try_piece(const FloorArea& area, const std::vector<glm::dvec2>& kept_free_m, CounterRandom& random);
 
  private:

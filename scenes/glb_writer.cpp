@@ -46,22 +46,18 @@ int GlbWriter::add_view(std::span<const std::byte> bytes, int target) {
   return static_cast<int>(views_.size()) - 1;
 }
 
-int GlbWriter::add_accessor(std::span<const std::byte> bytes, int target, int component_type,
-                            const char* type, size_t count) {
-  accessors_.push_back({{"bufferView", add_view(bytes, target)},
-                        {"componentType", component_type},
-                        {"count", count},
-                        {"type", type}});
+int GlbWriter::add_accessor(std::span<const std::byte> bytes, int target, int component_type, const char* type,
+                            size_t count) {
+  accessors_.push_back(
+      {{"bufferView", add_view(bytes, target)}, {"componentType", component_type}, {"count", count}, {"type", type}});
   return static_cast<int>(accessors_.size()) - 1;
 }
 
 int GlbWriter::add_indices(const std::vector<uint32_t>& indices, size_t vertex_count) {
   if (vertex_count > 65535)
-    return add_accessor(std::as_bytes(std::span(indices)), kElementArrayBuffer, kUnsignedInt, "SCALAR",
-                        indices.size());
+    return add_accessor(std::as_bytes(std::span(indices)), kElementArrayBuffer, kUnsignedInt, "SCALAR", indices.size());
   const std::vector<uint16_t> narrow(indices.begin(), indices.end());
-  return add_accessor(std::as_bytes(std::span(narrow)), kElementArrayBuffer, kUnsignedShort, "SCALAR",
-                      narrow.size());
+  return add_accessor(std::as_bytes(std::span(narrow)), kElementArrayBuffer, kUnsignedShort, "SCALAR", narrow.size());
 }
 
 int GlbWriter::add_material(const glm::vec3& color) {
@@ -88,9 +84,8 @@ int GlbWriter::add_mesh(const std::string& name, const MeshData& mesh, const glm
 }
 
 int GlbWriter::add_camera(double vertical_fov_rad, double aspect, double near_m) {
-  cameras_.push_back(
-      {{"type", "perspective"},
-       {"perspective", {{"aspectRatio", aspect}, {"yfov", vertical_fov_rad}, {"znear", near_m}}}});
+  cameras_.push_back({{"type", "perspective"},
+                      {"perspective", {{"aspectRatio", aspect}, {"yfov", vertical_fov_rad}, {"znear", near_m}}}});
   return static_cast<int>(cameras_.size()) - 1;
 }
 
@@ -112,8 +107,7 @@ int GlbWriter::add_node(const GlbNode& node) {
 }
 
 int GlbWriter::add_times(std::span<const float> times_s) {
-  if (last_times_ >= 0 &&
-      std::equal(times_s.begin(), times_s.end(), last_times_s_.begin(), last_times_s_.end()))
+  if (last_times_ >= 0 && std::equal(times_s.begin(), times_s.end(), last_times_s_.begin(), last_times_s_.end()))
     return last_times_;
   last_times_s_.assign(times_s.begin(), times_s.end());
   last_times_ = add_accessor(std::as_bytes(times_s), kNoTarget, kFloat, "SCALAR", times_s.size());
@@ -128,8 +122,7 @@ void GlbWriter::animate(int node, std::span<const float> times_s, std::span<cons
   std::vector<glm::vec4> xyzw;  // glm may keep w first
   for (const glm::quat& q : rotations) xyzw.emplace_back(q.x, q.y, q.z, q.w);
   const int input = add_times(times_s);
-  const int translation =
-      add_accessor(std::as_bytes(translations_m), kNoTarget, kFloat, "VEC3", translations_m.size());
+  const int translation = add_accessor(std::as_bytes(translations_m), kNoTarget, kFloat, "VEC3", translations_m.size());
   const int rotation = add_accessor(std::as_bytes(std::span(xyzw)), kNoTarget, kFloat, "VEC4", xyzw.size());
   const auto add_channel = [&](int output, const char* path) {
     channels_.push_back({{"sampler", samplers_.size()}, {"target", {{"node", node}, {"path", path}}}});
@@ -151,8 +144,8 @@ std::vector<std::byte> GlbWriter::finish(const std::string& animation_name) cons
   add("materials", materials_);
   add("cameras", cameras_);
   if (!channels_.empty())
-    document["animations"] =
-        Json::array({{{"name", animation_name}, {"channels", channels_}, {"samplers", samplers_}}});
+    document["animations"] = Json::array(
+        {{{"name", animation_name}, {"channels", channels_}, {"samplers", samplers_}}});
   add("accessors", accessors_);
   add("bufferViews", views_);
   std::vector<std::byte> binary = binary_;

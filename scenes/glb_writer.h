@@ -41,8 +41,7 @@ class GlbWriter {
 
  private:
   int add_view(std::span<const std::byte> bytes, int target);
-  int add_accessor(std::span<const std::byte> bytes, int target, int component_type, const char* type,
-                   size_t count);
+  int add_accessor(std::span<const std::byte> bytes, int target, int component_type, const char* type, size_t count);
   int add_indices(const std::vector<uint32_t>& indices, size_t vertex_count);
   int add_times(std::span<const float> times_s);
   int add_material(const glm::vec3& color);
@@ -57,8 +56,7 @@ class GlbWriter {
   nlohmann::ordered_json roots_ = nlohmann::ordered_json::array();
   nlohmann::ordered_json samplers_ = nlohmann::ordered_json::array();
   nlohmann::ordered_json channels_ = nlohmann::ordered_json::array();
-  std::vector<float>
-      last_times_s_;  // of the accessor last_times_: nodes that share their times share the accessor
+  std::vector<float> last_times_s_;  // of the accessor last_times_: nodes that share their times share the accessor
   int last_times_ = -1;
 };
 

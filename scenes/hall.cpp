@@ -85,8 +85,7 @@ class WayMaker {
 
   // From the middle to either side; from a side to the middle or, one time in three, right across.
   void change_lane() {
-    const int to =
-        lane_ == 0 ? (random_.next_below(2) == 0 ? -1 : 1) : (random_.next_below(3) == 0 ? -lane_ : 0);
+    const int to = lane_ == 0 ? (random_.next_below(2) == 0 ? -1 : 1) : (random_.next_below(3) == 0 ? -lane_ : 0);
     lane_ = to;
     walk_to({bay_x(bay_), lane_z(lane_)});
   }
@@ -122,10 +121,8 @@ void add_shell(ScenarioBuilder& scene, double hall_length_m, double ceiling_m) {
   const int slab = scene.add_mesh("slab", standing_box(hall_length_m, 0.25, 2 * half_width), colors::kFloor);
   scene.add_static("floor", slab, {middle, -0.25, 0});
   scene.add_static("ceiling", slab, {middle, ceiling_m, 0});
-  const int side =
-      scene.add_mesh("side", standing_box(hall_length_m, ceiling_m, kWallThickness_m), colors::kWall);
-  const int end =
-      scene.add_mesh("end", standing_box(kWallThickness_m, ceiling_m, 2 * half_width), colors::kWall);
+  const int side = scene.add_mesh("side", standing_box(hall_length_m, ceiling_m, kWallThickness_m), colors::kWall);
+  const int end = scene.add_mesh("end", standing_box(kWallThickness_m, ceiling_m, 2 * half_width), colors::kWall);
   scene.add_static("wall-north", side, {middle, 0, -half_width - kWallThickness_m / 2});
   scene.add_static("wall-south", side, {middle, 0, half_width + kWallThickness_m / 2});
   scene.add_static("wall-west", end, {-kWallThickness_m / 2, 0, 0});
@@ -142,8 +139,8 @@ void add_columns(ScenarioBuilder& scene, int bays, double ceiling_m) {
 
 // Walls across an aisle, each beside a column.
 void add_inner_walls(ScenarioBuilder& scene, int bays, const HallOptions& options, CounterRandom& random) {
-  const int across = scene.add_mesh(
-      "wall-across", standing_box(kWallThickness_m, options.ceiling_m, kAisle_m), colors::kWall);
+  const int across = scene.add_mesh("wall-across", standing_box(kWallThickness_m, options.ceiling_m, kAisle_m),
+                                    colors::kWall);
   for (int row : {0, 1})
     for (int boundary = 1; boundary < bays; ++boundary)
       if (random.next_unit() < options.wall_share)
@@ -158,9 +155,7 @@ struct Curtain {
   double edge_z_m;
   double covers_s;
   double leaves_s;
-  double length_z_m() const {
-    return side * (kHalfNave_m + 0.25) - edge_z_m;
-  }  // of its way, towards its aisle
+  double length_z_m() const { return side * (kHalfNave_m + 0.25) - edge_z_m; }  // of its way, towards its aisle
   double takes_s() const { return std::abs(length_z_m()) / kCurtain_mps; }
   double gone_s() const { return leaves_s + takes_s(); }
 };
@@ -195,10 +190,9 @@ bool is_between_columns(double x_m) {
   return std::abs(x_m - std::floor(x_m / kBay_m + 0.5) * kBay_m) > kHalfBase_m + 0.0625;
 }
 
-void add_curtains(ScenarioBuilder& scene, const TimedPath& middle, const HallOptions& options,
-                  CounterRandom& random) {
-  const int mesh =
-      scene.add_mesh("curtain", standing_box(0.0625, kCurtainHeight_m, kCurtainLength_m), colors::kCurtain);
+void add_curtains(ScenarioBuilder& scene, const TimedPath& middle, const HallOptions& options, CounterRandom& random) {
+  const int mesh = scene.add_mesh("curtain", standing_box(0.0625, kCurtainHeight_m, kCurtainLength_m),
+                                  colors::kCurtain);
   InstanceAttributes attributes;
   attributes.collides = false;
   const double from_pair_m = camera_x_m(options) * (1 - kBeforeCamera_m / kFromCamera_m);
@@ -207,8 +201,7 @@ void add_curtains(ScenarioBuilder& scene, const TimedPath& middle, const HallOpt
   while (time_s < options.duration_s) {
     const double hold_s = random.next_in(0.5, 0.8), side = side_of(static_cast<int>(random.next_below(2)));
     const glm::dvec2 pair = middle.position_m(time_s);
-    const Curtain curtain{pair.x + from_pair_m, side, pair.y - side * kBeyondSight_m, time_s,
-                          time_s + hold_s};
+    const Curtain curtain{pair.x + from_pair_m, side, pair.y - side * kBeyondSight_m, time_s, time_s + hold_s};
     time_s += 0.1;
     if (curtain.gone_s() > options.duration_s || !is_between_columns(curtain.x_m) ||
         !goes_straight(middle, curtain.covers_s - kStraight_s, curtain.leaves_s))

@@ -24,21 +24,34 @@ constexpr std::array<Variant, 14> kVariants{{
     {"rooms-crossing", "the rooms, two targets that change sides", make_level_rooms, {.walk = LevelWalk::kCrossing}},
     {"rooms-parted", "the rooms, two targets parted by a wall for 12 to 16 s", make_level_parted, {}},
     {"rooms-four", "the rooms, two pairs", make_level_rooms, {.walk = LevelWalk::kFour}},
-    {"roofed-one", "the rooms under a ceiling, one target", make_level_rooms,
+    {"roofed-one",
+     "the rooms under a ceiling, one target",
+     make_level_rooms,
      {.walk = LevelWalk::kOne, .roofed = true}},
-    {"roofed-row", "the rooms under a ceiling, two targets one behind the other", make_level_rooms,
+    {"roofed-row",
+     "the rooms under a ceiling, two targets one behind the other",
+     make_level_rooms,
      {.walk = LevelWalk::kRow, .roofed = true}},
-    {"halls-one", "2 x 2 halls of 20 m with pillars, one target", make_level_halls,
+    {"halls-one",
+     "2 x 2 halls of 20 m with pillars, one target",
+     make_level_halls,
      {.walk = LevelWalk::kOne, .furniture_per_room = 10}},
-    {"halls-beside", "the halls, two targets side by side", make_level_halls,
+    {"halls-beside",
+     "the halls, two targets side by side",
+     make_level_halls,
      {.walk = LevelWalk::kBeside, .furniture_per_room = 10}},
-    {"halls-crossing", "the halls under a ceiling, two targets that change sides", make_level_halls,
+    {"halls-crossing",
+     "the halls under a ceiling, two targets that change sides",
+     make_level_halls,
      {.walk = LevelWalk::kCrossing, .roofed = true, .furniture_per_room = 10}},
-    {"halls-four", "the halls, two pairs", make_level_halls,
-     {.walk = LevelWalk::kFour, .furniture_per_room = 10}},
-    {"storeys-one", "two storeys and two flights of stairs, one target", make_level_storeys,
+    {"halls-four", "the halls, two pairs", make_level_halls, {.walk = LevelWalk::kFour, .furniture_per_room = 10}},
+    {"storeys-one",
+     "two storeys and two flights of stairs, one target",
+     make_level_storeys,
      {.duration_s = 50.0, .walk = LevelWalk::kOne}},
-    {"storeys-row", "two storeys under a ceiling, two targets one behind the other", make_level_storeys,
+    {"storeys-row",
+     "two storeys under a ceiling, two targets one behind the other",
+     make_level_storeys,
      {.duration_s = 50.0, .walk = LevelWalk::kRow, .roofed = true}},
 }};
 
@@ -58,9 +71,8 @@ Result<std::vector<std::byte>> make_of_tiles(const Variant& variant, const Scene
 std::vector<CatalogEntry> level_entries() {
   std::vector<CatalogEntry> entries;
   for (const Variant& v : kVariants)
-    entries.push_back({std::string("level-") + v.name, v.summary, SceneGroup::kLevels, [&v](const SceneRequest& r) {
-                         return v.make(seeded(v.options, r.seed), block_parts());
-                       }});
+    entries.push_back({std::string("level-") + v.name, v.summary, SceneGroup::kLevels,
+                       [&v](const SceneRequest& r) { return v.make(seeded(v.options, r.seed), block_parts()); }});
   return entries;
 }
 

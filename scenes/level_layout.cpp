@@ -107,17 +107,19 @@ void LevelLayout::add_walls(const LevelPlan& plan, double base_m, bool wide_door
     }
 }
 
-void LevelLayout::add_slabs(const LevelPlan& plan, Part part, double origin_y_m, const std::vector<LevelRectangle>& holes) {
+void LevelLayout::add_slabs(const LevelPlan& plan, Part part, double origin_y_m,
+                            const std::vector<LevelRectangle>& holes) {
   for (int u = 0; u < plan.rooms_x() * plan.tiles(); ++u)
     for (int v = 0; v < plan.rooms_z() * plan.tiles(); ++v) {
       const glm::dvec2 middle{(u + 0.5) * kTile_m, (v + 0.5) * kTile_m};
-      const bool in_hole =
-          std::any_of(holes.begin(), holes.end(), [&](const LevelRectangle& hole) { return hole.distance_m(middle) == 0; });
+      const bool in_hole = std::any_of(holes.begin(), holes.end(),
+                                       [&](const LevelRectangle& hole) { return hole.distance_m(middle) == 0; });
       if (!in_hole) add(part, {middle.x, origin_y_m, middle.y}, 0);
     }
 }
 
-void LevelLayout::add_pillars(const LevelPlan& plan, double base_m, double share, KeptFree& free, CounterRandom& random) {
+void LevelLayout::add_pillars(const LevelPlan& plan, double base_m, double share, KeptFree& free,
+                              CounterRandom& random) {
   for (int u = 0; u < plan.rooms_x() * plan.tiles(); ++u)
     for (int v = 0; v < plan.rooms_z() * plan.tiles(); ++v) {
       if (u % plan.tiles() == 0 || v % plan.tiles() == 0) continue;
@@ -152,7 +154,8 @@ void LevelLayout::build(ScenarioBuilder& scene, const PartMeshes& meshes) const 
     const auto k = static_cast<size_t>(piece.part);
     const PartKind& kind = kind_of(piece.part);
     if (mesh_of[k] < 0) mesh_of[k] = scene.add_mesh(std::string(kind.name), meshes[k], kind.color);
-    scene.add_static(numbered(std::string(kind.name), ++count[k]), mesh_of[k], piece.position_m, quarter_turns(piece.turns));
+    scene.add_static(numbered(std::string(kind.name), ++count[k]), mesh_of[k], piece.position_m,
+                     quarter_turns(piece.turns));
   }
 }
 

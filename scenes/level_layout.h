@@ -19,7 +19,8 @@ struct LevelRectangle {
   bool meets(const LevelRectangle& other) const;  // closer than 0.1 m
 };
 
-// The places of one storey where nothing may stand in the way: points that keep kFreeWay_m around them free, and rectangles.
+// The places of one storey where nothing may stand in the way: points that keep kFreeWay_m around them free, and
+// rectangles.
 struct KeptFree {
   std::vector<glm::dvec2> points_m;
   std::vector<LevelRectangle> taken;

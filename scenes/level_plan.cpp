@@ -17,7 +17,8 @@ LevelRoom any_of(const std::vector<LevelRoom>& rooms, CounterRandom& random) {
 }
 
 // A corner in a room that the path can take between two doors without a sharp turn.
-bool fits(const glm::dvec2& before, const glm::dvec2& in, const glm::dvec2& p, const glm::dvec2& out, const glm::dvec2& after) {
+bool fits(const glm::dvec2& before, const glm::dvec2& in, const glm::dvec2& p, const glm::dvec2& out,
+          const glm::dvec2& after) {
   return length(p - in) > 1.2 && length(out - p) > 1.2 && turn_cosine(before, in, p) > kSharpestCosine &&
          turn_cosine(in, p, out) > kSharpestCosine && turn_cosine(p, out, after) > kSharpestCosine;
 }
@@ -54,8 +55,8 @@ glm::dvec2 LevelPlan::door_between(const LevelRoom& a, const LevelRoom& b) const
 
 std::vector<LevelRoom> LevelPlan::neighbours(const LevelRoom& room) const {
   std::vector<LevelRoom> found;
-  for (const LevelRoom& next : {LevelRoom{room.i + 1, room.j}, LevelRoom{room.i, room.j + 1}, LevelRoom{room.i - 1, room.j},
-                                LevelRoom{room.i, room.j - 1}})
+  for (const LevelRoom& next : {LevelRoom{room.i + 1, room.j}, LevelRoom{room.i, room.j + 1},
+                                LevelRoom{room.i - 1, room.j}, LevelRoom{room.i, room.j - 1}})
     if (next.i >= 0 && next.j >= 0 && next.i < rooms_x_ && next.j < rooms_z_) found.push_back(next);
   return found;
 }
@@ -73,8 +74,8 @@ std::vector<LevelRoom> LevelPlan::rooms() const {
   return all;
 }
 
-// A random walk that opens the wall by which it enters a room for the first time (Aldous, "The random walk construction of uniform spanning
-// trees", 1990).
+// A random walk that opens the wall by which it enters a room for the first time (Aldous, "The random walk construction
+// of uniform spanning trees", 1990).
 void LevelPlan::open_tree(CounterRandom& random) {
   std::vector<LevelRoom> visited{{0, 0}};
   for (LevelRoom here{0, 0}; visited.size() < rooms().size();) {

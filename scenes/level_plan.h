@@ -1,4 +1,5 @@
-// The plan of one storey of a level: square rooms in a grid, with doors in some of the walls between them, and routes through the rooms.
+// The plan of one storey of a level: square rooms in a grid, with doors in some of the walls between them, and routes
+// through the rooms.
 #pragma once
 
 #include <glm/glm.hpp>
@@ -16,9 +17,9 @@ struct LevelRoom {
 
 class LevelPlan {
  public:
-  // Rooms of `tiles` x `tiles` tiles; room (i, j) covers [i, i + 1] x [j, j + 1] times room_m(), to the middle of its walls.
-  // Chooses the position of the doorway in each wall, and shuts them all. With tiles == 1 there is no room for doorways: open walls are
-  // left out altogether.
+  // Rooms of `tiles` x `tiles` tiles; room (i, j) covers [i, i + 1] x [j, j + 1] times room_m(), to the middle of its
+  // walls. Chooses the position of the doorway in each wall, and shuts them all. With tiles == 1 there is no room for
+  // doorways: open walls are left out altogether.
   LevelPlan(int rooms_x, int rooms_z, int tiles, CounterRandom& random);
 
   int rooms_x() const { return rooms_x_; }
@@ -53,8 +54,8 @@ class LevelPlan {
   std::vector<Wall> walls_;  // two a room: towards +x, towards +z
 };
 
-// A route of `count` rooms from `first` on, through open doors. It never turns back through the door that it just passed (every room needs
-// two doors), and prefers the rooms visited least.
+// A route of `count` rooms from `first` on, through open doors. It never turns back through the door that it just
+// passed (every room needs two doors), and prefers the rooms visited least.
 std::vector<LevelRoom> wander(const LevelPlan& plan, const LevelRoom& first, size_t count, CounterRandom& random);
 
 struct RouteShape {
@@ -63,13 +64,14 @@ struct RouteShape {
   bool bends = true;         // between two doors there may be a corner at a random place of the room
 };
 
-// The path of a route. Corner 0 is in the first room, straight before its door; the last corner is behind the last door. Door k has the
-// corners first_corner_of_door[k] and the next, its thresholds.
+// The path of a route. Corner 0 is in the first room, straight before its door; the last corner is behind the last
+// door. Door k has the corners first_corner_of_door[k] and the next, its thresholds.
 struct RoutePath {
   Polyline corners;
   std::vector<size_t> first_corner_of_door;
 };
-RoutePath path_of(const LevelPlan& plan, const std::vector<LevelRoom>& route, const RouteShape& shape, CounterRandom& random);
+RoutePath path_of(const LevelPlan& plan, const std::vector<LevelRoom>& route, const RouteShape& shape,
+                  CounterRandom& random);
 
 // The cosine of the angle by which a path turns at `at`.
 double turn_cosine(const glm::dvec2& from, const glm::dvec2& at, const glm::dvec2& to);

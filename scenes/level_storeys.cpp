@@ -1,7 +1,8 @@
 // Levels of two storeys. Seen from above, the rooms of both storeys (mirrored in half of the seeds):
 //
 //   +-----+-----+-----+
-//   |A    =  B  =    C|   A and F have a flight of stairs along their outer wall. Doors are at =. The walk leads from C through B up the
+//   |A    =  B  =    C|   A and F have a flight of stairs along their outer wall. Doors are at =. The walk leads from C
+//   through B up the
 //   +-----+-||--+-----+   stairs in A, on the upper storey through B and E down the stairs in F, and through E to D.
 //   |D    =  E  =    F|
 //   +-----+-----+-----+
@@ -16,11 +17,13 @@ constexpr int kTiles = 3;  // of a room
 constexpr double kSize_m = kTiles * kTile_m;
 constexpr double kThreshold_m = 1.4;
 
-// Where the flight of a room stands, in the room's own frame: x from the outer wall, z from the wall at the top of the stairs.
-constexpr double kStairsX_m = 2.0;                        // the middle of the flight
-constexpr double kTopZ_m = 4.0;                           // where the steps reach the upper floor
-constexpr double kFootZ_m = kTopZ_m + kStairsRun_m;       // where they begin
-// The walk rises on a line that is 0.1 to 0.17 m above the edges of the steps, so that the walker's lower end clears them.
+// Where the flight of a room stands, in the room's own frame: x from the outer wall, z from the wall at the top of the
+// stairs.
+constexpr double kStairsX_m = 2.0;                   // the middle of the flight
+constexpr double kTopZ_m = 4.0;                      // where the steps reach the upper floor
+constexpr double kFootZ_m = kTopZ_m + kStairsRun_m;  // where they begin
+// The walk rises on a line that is 0.1 to 0.17 m above the edges of the steps, so that the walker's lower end clears
+// them.
 constexpr double kRampFootZ_m = kFootZ_m + 0.8;
 constexpr double kRampTopZ_m = kTopZ_m + 1.0;  // the edge of the uppermost step
 constexpr double kRampFoot_m = 0.1;
@@ -39,7 +42,8 @@ struct StairRoom {
   bool top_at_high_z = false;
 
   glm::dvec2 at(double x, double z) const {
-    return {(room.i * kSize_m) + (outer_at_high_x ? kSize_m - x : x), (room.j * kSize_m) + (top_at_high_z ? kSize_m - z : z)};
+    return {(room.i * kSize_m) + (outer_at_high_x ? kSize_m - x : x),
+            (room.j * kSize_m) + (top_at_high_z ? kSize_m - z : z)};
   }
   LevelRectangle rectangle(double low_z, double high_z) const {
     return {at(kStairsX_m, (low_z + high_z) / 2), {kTile_m / 2, (high_z - low_z) / 2}};
@@ -86,12 +90,14 @@ class Climb {
 
 LevelPlan storey_plan(const Rooms& rooms, CounterRandom& random) {
   LevelPlan plan(3, 2, kTiles, random);
-  for (const auto& [from, to] : {std::pair(rooms.a, rooms.b), {rooms.b, rooms.c}, {rooms.b, rooms.e}, {rooms.d, rooms.e}, {rooms.e, rooms.f}})
+  for (const auto& [from, to] :
+       {std::pair(rooms.a, rooms.b), {rooms.b, rooms.c}, {rooms.b, rooms.e}, {rooms.d, rooms.e}, {rooms.e, rooms.f}})
     plan.open(from, to);
   return plan;
 }
 
-LevelPath path_over(const Rooms& rooms, const LevelPlan& lower, const LevelPlan& upper, const StairRoom& up, const StairRoom& down) {
+LevelPath path_over(const Rooms& rooms, const LevelPlan& lower, const LevelPlan& upper, const StairRoom& up,
+                    const StairRoom& down) {
   Climb climb;
   climb.start_before(lower, rooms.c, rooms.b, 6.0);
   climb.pass(lower, rooms.c, rooms.b, 0);
@@ -129,7 +135,8 @@ void furnish(LevelLayout& layout, const LevelPlan& plan, double base_m, std::vec
 std::vector<std::byte> make_level_storeys(const LevelOptions& options, const PartMeshes& parts) {
   LevelRandom random(options.seed);
   const Rooms rooms(random.plan.next_below(2) == 1);
-  const StairRoom up{rooms.a, false, random.plan.next_below(2) == 1}, down{rooms.f, true, random.plan.next_below(2) == 1};
+  const StairRoom up{rooms.a, false, random.plan.next_below(2) == 1},
+      down{rooms.f, true, random.plan.next_below(2) == 1};
   const LevelPlan lower = storey_plan(rooms, random.plan), upper = storey_plan(rooms, random.plan);
   const LevelPath path = path_over(rooms, lower, upper, up, down);
   const std::vector<Motion> walks = walk_along(path, options.walk, choose_speed_mps(random.walk), options.duration_s);

@@ -12,12 +12,14 @@ constexpr double kRowGap_s = 0.8;     // between the targets of a row
 constexpr double kFourGap_s = 1.0;    // between the two pairs of four
 constexpr double kCrossingGap_s = 1;  // between targets that change sides
 
-// Distances to the left of the path: `side_m` at the first door, -side_m at the next, and so on; 0 at the corners between.
+// Distances to the left of the path: `side_m` at the first door, -side_m at the next, and so on; 0 at the corners
+// between.
 std::vector<double> changing_sides(const LevelPath& path, double side_m) {
   std::vector<double> distances(path.corners.size(), 0.0);
   distances.front() = side_m;
   for (size_t k = 0; k < path.first_corner_of_door.size(); ++k)
-    distances[path.first_corner_of_door[k]] = distances[path.first_corner_of_door[k] + 1] = k % 2 == 0 ? side_m : -side_m;
+    distances[path.first_corner_of_door[k]] = distances[path.first_corner_of_door[k] + 1] = k % 2 == 0 ? side_m
+                                                                                                       : -side_m;
   return distances;
 }
 

@@ -23,8 +23,8 @@ struct LevelPath {
   std::vector<size_t> first_corner_of_door;
 };
 
-// Walked at an even speed in 3D. The last target is at corner 0 at time 0. Those that walk beside one another keep to the same times at
-// the corners. The first motion belongs to a target in front.
+// Walked at an even speed in 3D. The last target is at corner 0 at time 0. Those that walk beside one another keep to
+// the same times at the corners. The first motion belongs to a target in front.
 std::vector<Motion> walk_along(const LevelPath& path, LevelWalk walk, double speed_mps, double duration_s);
 
 // The times at the corners of `path`, walked at an even speed, corner 0 at `first_time_s`.

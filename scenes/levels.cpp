@@ -45,16 +45,17 @@ size_t rooms_within(double duration_s, const LevelPlan& plan) {
 // A random walk through the rooms of a plan.
 LevelPath wandering_path(const LevelPlan& plan, double duration_s, const RouteShape& shape, LevelRandom& random) {
   const LevelRoom first = plan.rooms()[random.walk.next_below(static_cast<uint32_t>(plan.rooms().size()))];
-  const RoutePath path = path_of(plan, wander(plan, first, rooms_within(duration_s, plan), random.walk), shape, random.walk);
+  const RoutePath path = path_of(plan, wander(plan, first, rooms_within(duration_s, plan), random.walk), shape,
+                                 random.walk);
   return {path.corners, {}, path.first_corner_of_door};
 }
 
-std::vector<std::byte> make_wandering(const Storey& storey, const RouteShape& shape, double behind_m, const LevelOptions& options,
-                                      const PartMeshes& parts, LevelRandom& random) {
+std::vector<std::byte> make_wandering(const Storey& storey, const RouteShape& shape, double behind_m,
+                                      const LevelOptions& options, const PartMeshes& parts, LevelRandom& random) {
   const double speed = choose_speed_mps(random.walk);
   const LevelPath path = wandering_path(storey.plan, options.duration_s, shape, random);
-  return build(storey, walk_along(path, options.walk, speed, options.duration_s), camera_behind(path, behind_m), options, parts,
-               random);
+  return build(storey, walk_along(path, options.walk, speed, options.duration_s), camera_behind(path, behind_m),
+               options, parts, random);
 }
 
 // The rows of rooms that two parted targets walk through, and the way that they have in common after it.
@@ -70,7 +71,8 @@ PartedRoutes parted_routes() {
   }
   routes.first.push_back({kColumns - 1, 1});
   for (auto* route : {&routes.first, &routes.second})
-    for (const LevelRoom& room : {LevelRoom{3, 2}, {2, 2}, {1, 2}, {0, 2}, {0, 1}, {0, 0}, {1, 0}, {1, 1}, {2, 1}, {2, 0}, {3, 0}})
+    for (const LevelRoom& room :
+         {LevelRoom{3, 2}, {2, 2}, {1, 2}, {0, 2}, {0, 1}, {0, 0}, {1, 0}, {1, 1}, {2, 1}, {2, 0}, {3, 0}})
       route->push_back(room);
   return routes;
 }

@@ -71,7 +71,8 @@ void add_shell(ScenarioBuilder& scene) {
   append_box(shaft, {-kHalfShaft_m, -kSlab_m, 0}, {kHalfShaft_m, -0.125, kShaft_m});
   append_box(shaft, {-kHalfShaft_m, top, -kWall_m}, {kHalfShaft_m, top + kSlab_m, kShaft_m + kWall_m});
   for (int k = 0; k < kStoreys; ++k) {
-    const double low = k * kStorey_m - (k == 0 ? kSlab_m : 0.0), high = (k + 1) * kStorey_m, lintel = k * kStorey_m + kOpening_m;
+    const double low = k * kStorey_m - (k == 0 ? kSlab_m : 0.0), high = (k + 1) * kStorey_m,
+                 lintel = k * kStorey_m + kOpening_m;
     append_box(walls, {-kHalfGallery_m, low, -kWall_m}, {-kHalfOpening_m, high, 0});
     append_box(walls, {kHalfOpening_m, low, -kWall_m}, {kHalfGallery_m, high, 0});
     append_box(walls, {-kHalfOpening_m, lintel, -kWall_m}, {kHalfOpening_m, high, 0});

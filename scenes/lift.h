@@ -1,5 +1,6 @@
-// Lift: a tower of four storeys with a gallery each, open to one side, and a lift whose cabin has no door. One target rides up, looks round,
-// rides on and gets out. It tests a place that carries its walls with it: a camera rides along, or goes round outside.
+// Lift: a tower of four storeys with a gallery each, open to one side, and a lift whose cabin has no door. One target
+// rides up, looks round, rides on and gets out. It tests a place that carries its walls with it: a camera rides along,
+// or goes round outside.
 #pragma once
 
 #include <cstddef>

@@ -15,13 +15,13 @@ using namespace sightline::scenes;
 void list_scenes() {
   for (const SceneGroup group : kAllGroups) {
     std::printf("%s:\n", std::string(name_of(group)).c_str());
-    for (const CatalogEntry* entry : scenes_of(group)) std::printf("  %-22s %s\n", entry->name.c_str(), entry->summary.c_str());
+    for (const CatalogEntry* entry : scenes_of(group))
+      std::printf("  %-22s %s\n", entry->name.c_str(), entry->summary.c_str());
   }
 }
 
 // Reads the file back before writing it: a scenario that the server would refuse is never left on the disk.
-Status write_scene(const CatalogEntry& entry, const SceneRequest& request,
-                   const std::filesystem::path& path) {
+Status write_scene(const CatalogEntry& entry, const SceneRequest& request, const std::filesystem::path& path) {
   const auto bytes = entry.make(request);
   if (!bytes) return tl::unexpected(bytes.error());
   GeometryStore store;
@@ -36,8 +36,7 @@ Status write_scene(const CatalogEntry& entry, const SceneRequest& request,
   return {};
 }
 
-int make_all(const std::vector<std::string>& names, const SceneRequest& request,
-             const std::filesystem::path& folder) {
+int make_all(const std::vector<std::string>& names, const SceneRequest& request, const std::filesystem::path& folder) {
   std::error_code failure;
   std::filesystem::create_directories(folder, failure);
   for (const std::string& name : names)
@@ -71,9 +70,8 @@ int main(int argc, char** argv) {
       ->check([](const std::string& name) { return find_group(name) ? "" : "no group '" + name + "'; see --list"; })
       ->capture_default_str();
   app.add_flag("--list", list, "print the names and stop");
-  app.add_option("NAME", names, "scenes to make; all of the group when none is named")->check([](const std::string& name) {
-    return find_scene(name) ? "" : "no scene '" + name + "'; see --list";
-  });
+  app.add_option("NAME", names, "scenes to make; all of the group when none is named")
+      ->check([](const std::string& name) { return find_scene(name) ? "" : "no scene '" + name + "'; see --list"; });
   CLI11_PARSE(app, argc, argv);
   if (list) return list_scenes(), 0;
   if (folder.empty()) {

@@ -57,8 +57,8 @@ void add_walls(ScenarioBuilder& scene, const LevelPlan& plan) {
     scene.add_static(numbered("wall", ++count), wall, {p.x, 0, p.y}, quarter_turns(cell.i != other.i ? 1 : 0));
   };
   for (const LevelRoom& cell : plan.rooms())
-    for (const LevelRoom& other : {LevelRoom{cell.i + 1, cell.j}, LevelRoom{cell.i, cell.j + 1}, LevelRoom{cell.i - 1, cell.j},
-                                   LevelRoom{cell.i, cell.j - 1}}) {
+    for (const LevelRoom& other : {LevelRoom{cell.i + 1, cell.j}, LevelRoom{cell.i, cell.j + 1},
+                                   LevelRoom{cell.i - 1, cell.j}, LevelRoom{cell.i, cell.j - 1}}) {
       const bool outside = std::min(other.i, other.j) < 0 || std::max(other.i, other.j) >= kCells;
       const bool counted = other.i + other.j > cell.i + cell.j;
       if (outside || (counted && !plan.is_open(cell, other))) put(cell, other);

@@ -1,5 +1,5 @@
-// Maze: 11 x 11 cells of 2.5 m with exactly one way between any two, walls 2.5 m high. The targets walk the longest way through it. It tests
-// a camera whose way to the targets is much longer than the distance to them.
+// Maze: 11 x 11 cells of 2.5 m with exactly one way between any two, walls 2.5 m high. The targets walk the longest way
+// through it. It tests a camera whose way to the targets is much longer than the distance to them.
 #pragma once
 
 #include <cstddef>

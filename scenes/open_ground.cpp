@@ -16,7 +16,8 @@ void add_plane(ScenarioBuilder& scene, double half_m) {
 
 TimedPath timed(const Polyline& line, double speed_mps) {
   std::vector<double> times_s{0};
-  for (size_t k = 1; k < line.size(); ++k) times_s.push_back(times_s.back() + length(line[k] - line[k - 1]) / speed_mps);
+  for (size_t k = 1; k < line.size(); ++k)
+    times_s.push_back(times_s.back() + length(line[k] - line[k - 1]) / speed_mps);
   return {line, times_s};
 }
 
@@ -25,12 +26,14 @@ glm::dvec2 chosen_direction(CounterRandom& random) {
 }
 
 // A straight line with times such that the speed grows to `fast`, holds, and then is `slow`.
-TimedPath sprint_path(const glm::dvec2& direction, double fast_mps, double slow_mps, double growing_s, double duration_s) {
+TimedPath sprint_path(const glm::dvec2& direction, double fast_mps, double slow_mps, double growing_s,
+                      double duration_s) {
   Polyline line{{0, 0}};
   std::vector<double> times_s{0};
   constexpr double kPiece_s = 0.1;
   for (double time_s = kPiece_s, way_m = 0; time_s <= duration_s + 1; time_s += kPiece_s) {
-    const double grown = std::min(1.0, time_s / growing_s), shrunk = std::clamp((time_s - duration_s / 2) / 3.0, 0.0, 1.0);
+    const double grown = std::min(1.0, time_s / growing_s),
+                 shrunk = std::clamp((time_s - duration_s / 2) / 3.0, 0.0, 1.0);
     way_m += (fast_mps * grown * (1 - shrunk) + slow_mps * shrunk) * kPiece_s;
     line.push_back(direction * way_m);
     times_s.push_back(time_s);
@@ -59,7 +62,8 @@ std::vector<std::byte> make_parting(const PartingOptions& options) {
   constexpr double kSpeed_mps = 1.5, kTogether_s = 8, kApart_s = 28, kStay_s = 6, kHalf_m = 30;
   const auto way = [&](double side) {
     const glm::dvec2 start = right * (0.6 * side), parts = start + forward * (kSpeed_mps * kTogether_s);
-    const glm::dvec2 far = right * (kHalf_m * side) + forward * (kSpeed_mps * kTogether_s + 8), back = parts + forward * 16.0;
+    const glm::dvec2 far = right * (kHalf_m * side) + forward * (kSpeed_mps * kTogether_s + 8),
+                     back = parts + forward * 16.0;
     const double there_s = kApart_s + kStay_s, again_s = there_s + kApart_s - kTogether_s;
     return TimedPath({start, parts, far, far, back, back + forward * 10.0},
                      {0, kTogether_s, kApart_s, there_s, again_s, again_s + 10 / kSpeed_mps});

@@ -1,5 +1,5 @@
-// Situations in which no wall hides a target. One target is faster than the camera; two part from each other; one leaves for good; one jumps.
-// In the last scene the camera starts inside a wall.
+// Situations in which no wall hides a target. One target is faster than the camera; two part from each other; one
+// leaves for good; one jumps. In the last scene the camera starts inside a wall.
 #pragma once
 
 #include <cstddef>
@@ -15,7 +15,8 @@ struct SprintOptions {
   double duration_s = 40.0;  // [20, 600]
   CameraMotion limits{10.0, 10.0};
 };
-// A car speeds up to 1.3 times the camera's greatest speed, holds that until half of the time is over, and goes on at 0.8 times that speed.
+// A car speeds up to 1.3 times the camera's greatest speed, holds that until half of the time is over, and goes on at
+// 0.8 times that speed.
 std::vector<std::byte> make_sprint(const SprintOptions& options);
 
 struct PartingOptions {
@@ -38,7 +39,8 @@ struct WalledInOptions {
   uint64_t seed = 1;
   double duration_s = 20.0;  // [1, 600]
 };
-// One target walks in a room of 12 m without a ceiling; the camera starts in the middle of one of its walls, which is 0.3 m thick.
+// One target walks in a room of 12 m without a ceiling; the camera starts in the middle of one of its walls, which is
+// 0.3 m thick.
 std::vector<std::byte> make_walled_in(const WalledInOptions& options);
 
 }  // namespace sightline::scenes

@@ -44,14 +44,12 @@ TimedPath::TimedPath(Polyline corners, std::vector<double> times_s)
     : corners_(std::move(corners)), times_s_(std::move(times_s)), integrals_{glm::dvec2(0.0)} {
   assert(corners_.size() >= 2 && corners_.size() == times_s_.size());
   for (size_t i = 1; i < corners_.size(); ++i)
-    integrals_.push_back(integrals_.back() +
-                         (corners_[i - 1] + corners_[i]) * (0.5 * (times_s_[i] - times_s_[i - 1])));
+    integrals_.push_back(integrals_.back() + (corners_[i - 1] + corners_[i]) * (0.5 * (times_s_[i] - times_s_[i - 1])));
 }
 
 size_t TimedPath::leg_at(double time_s) const {
   const auto after = std::upper_bound(times_s_.begin(), times_s_.end(), time_s) - times_s_.begin();
-  return static_cast<size_t>(
-      std::clamp<ptrdiff_t>(after - 1, 0, static_cast<ptrdiff_t>(times_s_.size()) - 2));
+  return static_cast<size_t>(std::clamp<ptrdiff_t>(after - 1, 0, static_cast<ptrdiff_t>(times_s_.size()) - 2));
 }
 
 glm::dvec2 TimedPath::leg_velocity(size_t leg) const {

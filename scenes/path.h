@@ -1,6 +1,6 @@
-// A walk: a polyline on the floor with a time at each corner, averaged over a sliding window. The average rounds each corner within
-// the window and bounds the acceleration by |change of velocity| / window. It never leaves the convex hull of what the window
-// covers, so a corridor around the polyline holds the walker as well.
+// A walk: a polyline on the floor with a time at each corner, averaged over a sliding window. The average rounds each
+// corner within the window and bounds the acceleration by |change of velocity| / window. It never leaves the convex
+// hull of what the window covers, so a corridor around the polyline holds the walker as well.
 #pragma once
 
 #include <glm/glm.hpp>

@@ -13,14 +13,15 @@ namespace {
 constexpr double kHalfLength_m = 52.5, kHalfWidth_m = 34.0;  // along x and z
 constexpr double kAttack_mps = 4.5;                          // of the middle between the two runners
 constexpr double kBall_mps = 12.0, kArc_m = 2.6, kBallRadius_m = 0.11;
-constexpr double kHold_s = 1.2;           // between two passes
-constexpr double kAhead_m = 0.75;         // of the ball before its runner
-constexpr double kKeepOff_m = 3.0;        // the others from the two
-constexpr double kWithTheGame = 0.4;      // the share of the game's movement that the others follow
+constexpr double kHold_s = 1.2;       // between two passes
+constexpr double kAhead_m = 0.75;     // of the ball before its runner
+constexpr double kKeepOff_m = 3.0;    // the others from the two
+constexpr double kWithTheGame = 0.4;  // the share of the game's movement that the others follow
 constexpr int kOthers = 20;
 
 // A walk of the game over the pitch, to random places one after the other.
-TimedPath wandering(const glm::dvec2& start, const glm::dvec2& reach_m, double speed_mps, double duration_s, CounterRandom& random) {
+TimedPath wandering(const glm::dvec2& start, const glm::dvec2& reach_m, double speed_mps, double duration_s,
+                    CounterRandom& random) {
   Polyline line{start};
   std::vector<double> times_s{0};
   while (times_s.back() < duration_s + 2) {
@@ -42,8 +43,8 @@ glm::dvec2 runner_m(const TimedPath& game, int which, double time_s) {
 
 // Where the others stand when the game is in the middle.
 glm::dvec2 home_of(int player) {
-  static constexpr std::array<glm::dvec2, 10> kHalf{{{-48, 0}, {-34, -20}, {-36, -7}, {-36, 7}, {-34, 20},
-                                                        {-16, -22}, {-20, -6}, {-18, 8}, {-15, 21}, {-5, 3}}};
+  static constexpr std::array<glm::dvec2, 10> kHalf{
+      {{-48, 0}, {-34, -20}, {-36, -7}, {-36, 7}, {-34, 20}, {-16, -22}, {-20, -6}, {-18, 8}, {-15, 21}, {-5, 3}}};
   const glm::dvec2 home = kHalf[static_cast<size_t>(player % 10)];
   return player < 10 ? home : glm::dvec2(-home.x, -home.y);
 }
@@ -120,12 +121,14 @@ void add_others(ScenarioBuilder& scene, const TimedPath& game, CounterRandom& ra
       for (const int which : {0, 1}) p = kept_off(p, runner_m(game, which, time_s));
       return glm::dvec3(p.x, 0, p.y);
     };
-    scene.add_occluder(numbered("player", player + 1), teams[player / 10], motion_of(scene.duration_s(), place), attributes);
+    scene.add_occluder(numbered("player", player + 1), teams[player / 10], motion_of(scene.duration_s(), place),
+                       attributes);
   }
 }
 
 void add_ground(ScenarioBuilder& scene) {
-  const int grass = scene.add_mesh("grass", standing_box(2 * kHalfLength_m + 30, 0.25, 2 * kHalfWidth_m + 30), colors::kLeaf);
+  const int grass = scene.add_mesh("grass", standing_box(2 * kHalfLength_m + 30, 0.25, 2 * kHalfWidth_m + 30),
+                                   colors::kLeaf);
   scene.add_static("grass", grass, {0, -0.25, 0});
   MeshData goal;
   for (const double z : {-3.66, 3.66}) append_box(goal, {-0.0625, 0, z - 0.0625}, {0.0625, 2.5, z + 0.0625});
@@ -134,7 +137,8 @@ void add_ground(ScenarioBuilder& scene) {
   scene.add_static("goal-1", mesh, {-kHalfLength_m, 0, 0});
   scene.add_static("goal-2", mesh, {kHalfLength_m, 0, 0});
   const int stand = scene.add_mesh("stand", standing_box(2 * kHalfLength_m, 6, 4), colors::kStone);
-  for (const double z : {-1.0, 1.0}) scene.add_static(z < 0 ? "stand-1" : "stand-2", stand, {0, 0, z * (kHalfWidth_m + 10)});
+  for (const double z : {-1.0, 1.0})
+    scene.add_static(z < 0 ? "stand-1" : "stand-2", stand, {0, 0, z * (kHalfWidth_m + 10)});
 }
 
 }  // namespace
@@ -142,7 +146,8 @@ void add_ground(ScenarioBuilder& scene) {
 std::vector<std::byte> make_pitch(const PitchOptions& options) {
   CounterRandom game_random(options.seed, 0, RandomPurpose::kSceneGeneration);
   CounterRandom player_random(options.seed, 1, RandomPurpose::kSceneGeneration);
-  const TimedPath game = wandering({0, 0}, {kHalfLength_m - 10, kHalfWidth_m - 12}, kAttack_mps, options.duration_s, game_random);
+  const TimedPath game = wandering({0, 0}, {kHalfLength_m - 10, kHalfWidth_m - 12}, kAttack_mps, options.duration_s,
+                                   game_random);
   const std::vector<Pass> passes = passes_of(game, options.duration_s);
 
   ScenarioBuilder scene(options.duration_s);

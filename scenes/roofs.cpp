@@ -16,8 +16,8 @@ constexpr std::array<double, 4> kCeilings_m{2.5, 2.75, 3.25, 4.0};
 constexpr int kGaps = 8;
 constexpr double kLeastGap_m = 1.5, kGapStep_m = 0.5;
 constexpr double kWall_m = 0.25;
-// A person's middle must be so much farther from the middle of the picture, as a share of the distance from the camera, than the picture ends (0.65 at the
-// sides of a picture of 16:9 and 40 degrees).
+// A person's middle must be so much farther from the middle of the picture, as a share of the distance from the camera,
+// than the picture ends (0.65 at the sides of a picture of 16:9 and 40 degrees).
 constexpr double kPictureShare = 0.55;
 constexpr double kEye_m = 2.0, kLook_m = 1.0;  // heights of the camera and of what it looks at
 constexpr double kBehindCamera_m = 1.0;
@@ -32,7 +32,8 @@ struct Scale {
 Scale scale_of(const RoofsOptions& options) {
   const auto seed = static_cast<size_t>((options.seed + kGaps - 1) % kGaps);
   return {options.gap_m > 0 ? options.gap_m : kLeastGap_m + kGapStep_m * static_cast<double>(seed),
-          options.ceiling_m > 0 ? options.ceiling_m : kCeilings_m[(seed + static_cast<size_t>(options.people)) % kCeilings_m.size()]};
+          options.ceiling_m > 0 ? options.ceiling_m
+                                : kCeilings_m[(seed + static_cast<size_t>(options.people)) % kCeilings_m.size()]};
 }
 
 // The radius of the regular polygon of `people` corners, `gap_m` apart.
@@ -47,7 +48,8 @@ double camera_distance_m(double radius_m) {
 Motion stand(const glm::dvec2& place_m, const glm::dvec2& towards_m, double duration_s) {
   const glm::dvec2 way = towards_m - place_m;
   Motion motion;
-  for (const double time_s : {0.0, duration_s}) motion.add(time_s, {place_m.x, 0, place_m.y}, facing(way / length(way)));
+  for (const double time_s : {0.0, duration_s})
+    motion.add(time_s, {place_m.x, 0, place_m.y}, facing(way / length(way)));
   return motion;
 }
 
@@ -61,7 +63,8 @@ std::vector<Motion> standing(const RoofsOptions& options, double radius_m, Count
   std::vector<Motion> motions;
   const double turn = first_turn(options.people, random);
   for (int k = 0; k < options.people; ++k)
-    motions.push_back(stand(circle_point(turn + static_cast<double>(k) / options.people) * radius_m, {0, 0}, options.duration_s));
+    motions.push_back(
+        stand(circle_point(turn + static_cast<double>(k) / options.people) * radius_m, {0, 0}, options.duration_s));
   return motions;
 }
 
@@ -75,7 +78,8 @@ std::vector<Motion> walking(const RoofsOptions& options, double radius_m, Counte
     const double scale = times_s.empty() ? 1.0 : random.next_in(0.85, 1.15);
     for (int k = 0; k < options.people; ++k) {
       const glm::dvec2 own = times_s.empty() ? glm::dvec2(0.0) : circle_point(random.next_unit()) * (0.15 * radius_m);
-      ways[static_cast<size_t>(k)].push_back(middle + circle_point(turn + static_cast<double>(k) / options.people) * (radius_m * scale) + own);
+      ways[static_cast<size_t>(k)].push_back(
+          middle + circle_point(turn + static_cast<double>(k) / options.people) * (radius_m * scale) + own);
     }
     times_s.push_back(time_s);
     turn += random.next_in(-0.15, 0.15);
@@ -102,7 +106,8 @@ void add_shell(ScenarioBuilder& scene, const glm::dvec2& half_m, const glm::dvec
 }
 
 void add_people(ScenarioBuilder& scene, const std::vector<Motion>& motions) {
-  for (size_t k = 0; k < motions.size(); ++k) scene.add_character(numbered("target", static_cast<int>(k) + 1), motions[k]);
+  for (size_t k = 0; k < motions.size(); ++k)
+    scene.add_character(numbered("target", static_cast<int>(k) + 1), motions[k]);
 }
 
 double eye_height_m(double ceiling_m) {
@@ -110,10 +115,12 @@ double eye_height_m(double ceiling_m) {
 }
 
 std::vector<std::byte> make_room(const RoofsOptions& options) {
-  CounterRandom random(options.seed, 0, RandomPurpose::kSceneGeneration), furniture_random(options.seed, 1, RandomPurpose::kSceneGeneration);
+  CounterRandom random(options.seed, 0, RandomPurpose::kSceneGeneration),
+      furniture_random(options.seed, 1, RandomPurpose::kSceneGeneration);
   const Scale scale = scale_of(options);
   const double radius_m = ring_m(options.people, scale.gap_m), distance_m = camera_distance_m(radius_m);
-  const std::vector<Motion> motions = options.walk ? walking(options, radius_m, random) : standing(options, radius_m, random);
+  const std::vector<Motion> motions = options.walk ? walking(options, radius_m, random)
+                                                   : standing(options, radius_m, random);
   const double half_m = snap(distance_m + kBehindCamera_m + (options.walk ? kWandering_m : 0.0));
 
   ScenarioBuilder scene(options.duration_s);
@@ -121,7 +128,8 @@ std::vector<std::byte> make_room(const RoofsOptions& options) {
   std::vector<glm::dvec2> kept_free_m{{0, distance_m}};
   for (const Motion& motion : motions)
     for (const glm::dvec3& p : motion.positions_m) kept_free_m.emplace_back(p.x, p.z);
-  for (int k = 0; k <= 10; ++k) kept_free_m.emplace_back(0, distance_m * k / 10);  // nothing stands before the first picture
+  // nothing stands before the first picture
+  for (int k = 0; k <= 10; ++k) kept_free_m.emplace_back(0, distance_m * k / 10);
   Furniture furniture(scene);
   for (int attempt = 0; attempt < kFurniturePerRoom; ++attempt)
     furniture.try_piece({{0, 0}, glm::dvec2(half_m - 0.0625)}, kept_free_m, furniture_random);
@@ -130,7 +138,8 @@ std::vector<std::byte> make_room(const RoofsOptions& options) {
   return scene.write();
 }
 
-// The corridor runs along +x. One person is on its left, the other on its right, so that a camera behind both sees both.
+// The corridor runs along +x. One person is on its left, the other on its right, so that a camera behind both sees
+// both.
 std::vector<std::byte> make_corridor(const RoofsOptions& options) {
   CounterRandom random(options.seed, 0, RandomPurpose::kSceneGeneration);
   const Scale scale = scale_of(options);
@@ -140,7 +149,8 @@ std::vector<std::byte> make_corridor(const RoofsOptions& options) {
   std::vector<Motion> motions;
   for (const double sign : {1.0, -1.0}) {
     const glm::dvec2 at{sign > 0 ? scale.gap_m : 0.0, sign * side_m};
-    const TimedPath path({at, at + glm::dvec2(kWalking_mps * (options.duration_s + 1), 0)}, {0, options.duration_s + 1});
+    const TimedPath path({at, at + glm::dvec2(kWalking_mps * (options.duration_s + 1), 0)},
+                         {0, options.duration_s + 1});
     motions.push_back(options.walk ? walk(path, options.duration_s) : stand(at, {at.x + 1, at.y}, options.duration_s));
   }
   ScenarioBuilder scene(options.duration_s);

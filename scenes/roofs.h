@@ -1,5 +1,6 @@
-// Roofs: two to four people, 1.5 to 5 m apart, in a furnished room or a corridor under a low ceiling. It tests whether a camera shows all of them whole from
-// a little above their eyes. Above them there is no room for a picture: right under the ceiling it shows heads and cuts the bodies off.
+// Roofs: two to four people, 1.5 to 5 m apart, in a furnished room or a corridor under a low ceiling. It tests whether
+// a camera shows all of them whole from a little above their eyes. Above them there is no room for a picture: right
+// under the ceiling it shows heads and cuts the bodies off.
 #pragma once
 
 #include <cstddef>
@@ -14,8 +15,9 @@ struct RoofsOptions {
   int people = 2;            // [2, 4]
   bool walk = false;         // each a way of its own; else they stand
   bool corridor = false;     // 3 m wide instead of the room; two people only
-  double gap_m = 0.0;        // between neighbours: [1.5, 5]; 0: 1.5 m with seed 1, and 0.5 m more with each further seed, up to 5 m, then again
-  double ceiling_m = 0.0;    // [2.5, 4]; 0: 2.5, 2.75, 3.25 and 4 m, one seed after the other
+  // between neighbours: [1.5, 5]; 0: 1.5 m with seed 1, and 0.5 m more with each further seed, up to 5 m, then again
+  double gap_m = 0.0;
+  double ceiling_m = 0.0;  // [2.5, 4]; 0: 2.5, 2.75, 3.25 and 4 m, one seed after the other
 };
 
 // A .glb file.

@@ -47,8 +47,8 @@ std::vector<Room> choose_rooms(size_t count, CounterRandom& random) {
     const Room here = rooms.back();
     ++visits[here.i][here.j];
     std::vector<Room> best;
-    for (const Room& next : {Room{here.i + 1, here.j}, Room{here.i - 1, here.j}, Room{here.i, here.j + 1},
-                             Room{here.i, here.j - 1}}) {
+    for (const Room& next :
+         {Room{here.i + 1, here.j}, Room{here.i - 1, here.j}, Room{here.i, here.j + 1}, Room{here.i, here.j - 1}}) {
       if (std::min(next.i, next.j) < 0 || std::max(next.i, next.j) >= kRooms) continue;
       if (rooms.size() > 1 && next == rooms[rooms.size() - 2]) continue;
       const int seen = visits[next.i][next.j];
@@ -62,8 +62,7 @@ std::vector<Room> choose_rooms(size_t count, CounterRandom& random) {
 }
 
 size_t rooms_within(double duration_s) {
-  return static_cast<size_t>(std::ceil(duration_s / 2)) +
-         2;  // a room takes at least 2 s: 3.6 m from door to door
+  return static_cast<size_t>(std::ceil(duration_s / 2)) + 2;  // a room takes at least 2 s: 3.6 m from door to door
 }
 
 Polyline path_through(const std::vector<Room>& rooms, const RoomDoors& doors) {
@@ -99,8 +98,8 @@ void add_room_shell(ScenarioBuilder& scene) {
   const double size = kRooms * kRoom_m, middle = size / 2;
   const int floor = scene.add_mesh("floor", standing_box(size + 4, 0.25, size + 4), colors::kFloor);
   scene.add_static("floor", floor, {middle, -0.25, middle});
-  const int wall = scene.add_mesh(
-      "outer-wall", standing_box(size + 2 * kHalfWall_m, kWallHeight_m, 2 * kHalfWall_m), colors::kWall);
+  const int wall = scene.add_mesh("outer-wall", standing_box(size + 2 * kHalfWall_m, kWallHeight_m, 2 * kHalfWall_m),
+                                  colors::kWall);
   scene.add_static("wall-north", wall, {middle, 0, 0});
   scene.add_static("wall-south", wall, {middle, 0, size});
   scene.add_static("wall-west", wall, {0, 0, middle}, quarter_turns(1));

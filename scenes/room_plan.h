@@ -1,5 +1,5 @@
-// The floor plan and the walk that the scenes `rooms` and `doors` share: nine rooms, three by three, with a door in every wall between
-// two of them.
+// The floor plan and the walk that the scenes `rooms` and `doors` share: nine rooms, three by three, with a door in
+// every wall between two of them.
 #pragma once
 
 #include <glm/glm.hpp>
@@ -33,8 +33,8 @@ glm::dvec2 middle_of(const Room& room);
 class RoomDoors {
  public:
   explicit RoomDoors(CounterRandom& random);
-  // The door in the wall of `room` towards +x (across = 0) or +z (across = 1): its offset from the middle of the wall along +z or +x,
-  // in [-1.2, 1.2).
+  // The door in the wall of `room` towards +x (across = 0) or +z (across = 1): its offset from the middle of the wall
+  // along +z or +x, in [-1.2, 1.2).
   double offset_m(const Room& room, int across) const { return offsets_m_[room.i][room.j][across]; }
   // The middle of the door between two neighbours.
   glm::dvec2 between(const Room& a, const Room& b) const;
@@ -43,17 +43,18 @@ class RoomDoors {
   double offsets_m_[kRooms][kRooms][2];
 };
 
-// A walk through `count` rooms, each a neighbour of the last, from room (0, 0) on. It never turns back through the door that it just
-// passed, and prefers the rooms visited least.
+// A walk through `count` rooms, each a neighbour of the last, from room (0, 0) on. It never turns back through the door
+// that it just passed, and prefers the rooms visited least.
 std::vector<Room> choose_rooms(size_t count, CounterRandom& random);
 // At least the number of rooms that a walk of `duration_s` reaches.
 size_t rooms_within(double duration_s);
 
-// The path through these rooms: straight through each door and straight from one threshold to the next. Corner 0 is the start of the
-// second target; the thresholds of door k are corners 2 k + 1 and 2 k + 2.
+// The path through these rooms: straight through each door and straight from one threshold to the next. Corner 0 is the
+// start of the second target; the thresholds of door k are corners 2 k + 1 and 2 k + 2.
 Polyline path_through(const std::vector<Room>& rooms, const RoomDoors& doors);
 
-// The path walked at kRoomSpeed_mps. `first_time_s` is the time at corner 0: -kFollowing_s for the first target, 0 for the second.
+// The path walked at kRoomSpeed_mps. `first_time_s` is the time at corner 0: -kFollowing_s for the first target, 0 for
+// the second.
 TimedPath at_even_speed(const Polyline& path, double first_time_s);
 
 // The start of the camera: behind the second target, a little above head height.

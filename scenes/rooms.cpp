@@ -46,8 +46,7 @@ std::vector<std::byte> make_rooms(const RoomsOptions& options) {
   ScenarioBuilder scene(options.duration_s);
   add_room_shell(scene);
   add_inner_walls(scene, doors);
-  add_furniture(scene, options.furniture_per_room, places_kept_free(walks, doors, room_eye_m(path)),
-                furniture_random);
+  add_furniture(scene, options.furniture_per_room, places_kept_free(walks, doors, room_eye_m(path)), furniture_random);
   add_room_camera(scene, path);
   scene.add_character("target-1", walks[0]);
   scene.add_character("target-2", walks[1]);

@@ -1,5 +1,5 @@
-// Rooms: nine rooms, three by three, without a ceiling. Two targets walk one behind the other through the doors from room to room.
-// It tests narrow openings that the camera has to pass, and walls that leave only one way to see.
+// Rooms: nine rooms, three by three, without a ceiling. Two targets walk one behind the other through the doors from
+// room to room. It tests narrow openings that the camera has to pass, and walls that leave only one way to see.
 #pragma once
 
 #include <cstddef>

@@ -94,8 +94,7 @@ void ScenarioBuilder::add_character(const std::string& name, const Motion& motio
     body_mesh_ = writer_.add_mesh("body", body, colors::kBody);
     visor_mesh_ = writer_.add_mesh("visor", visor, colors::kVisor);
   }
-  const int node =
-      add_moving(name, body_mesh_, motion, {{"role", "target"}, {"weight", 1}, {"required", true}});
+  const int node = add_moving(name, body_mesh_, motion, {{"role", "target"}, {"weight", 1}, {"required", true}});
   writer_.add_node({name + "-visor", node, visor_mesh_, -1, {}, {1, 0, 0, 0}, {}});
 }
 

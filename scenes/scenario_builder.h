@@ -51,8 +51,7 @@ class ScenarioBuilder {
   void add_character(const std::string& name, const Motion& motion);
   // A target of another shape.
   void add_target(const std::string& name, int mesh, const Motion& motion, double weight = 1.0);
-  void add_occluder(const std::string& name, int mesh, const Motion& motion,
-                    const InstanceAttributes& attributes);
+  void add_occluder(const std::string& name, int mesh, const Motion& motion, const InstanceAttributes& attributes);
   // Where the camera starts, and how fast it may move; 0 leaves the default of the session.
   void add_camera(const glm::dvec3& eye_m, const glm::dvec3& at_m, const CameraMotion& motion = {});
 
@@ -70,10 +69,9 @@ class ScenarioBuilder {
 
 // Colours that distinguish the parts of a picture.
 namespace colors {
-inline constexpr glm::vec3 kFloor{0.35f, 0.34f, 0.32f}, kStone{0.62f, 0.58f, 0.50f},
-    kWall{0.70f, 0.66f, 0.60f}, kCurtain{0.55f, 0.12f, 0.12f}, kWood{0.42f, 0.27f, 0.14f},
-    kBody{0.90f, 0.55f, 0.15f}, kVisor{0.1f, 0.1f, 0.12f}, kLeaf{0.16f, 0.36f, 0.12f},
-    kMetal{0.30f, 0.33f, 0.36f}, kCar{0.20f, 0.30f, 0.55f};
+inline constexpr glm::vec3 kFloor{0.35f, 0.34f, 0.32f}, kStone{0.62f, 0.58f, 0.50f}, kWall{0.70f, 0.66f, 0.60f},
+    kCurtain{0.55f, 0.12f, 0.12f}, kWood{0.42f, 0.27f, 0.14f}, kBody{0.90f, 0.55f, 0.15f}, kVisor{0.1f, 0.1f, 0.12f},
+    kLeaf{0.16f, 0.36f, 0.12f}, kMetal{0.30f, 0.33f, 0.36f}, kCar{0.20f, 0.30f, 0.55f};
 }  // namespace colors
 
 }  // namespace sightline::scenes

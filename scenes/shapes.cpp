@@ -37,10 +37,8 @@ void append_lathe(MeshData& mesh, const glm::dvec3& foot_m, const std::vector<Ri
     const bool low_is_point = profile[k - 1].radius_m == 0, high_is_point = profile[k].radius_m == 0;
     for (uint32_t i = 0; i < n; ++i) {
       const uint32_t j = (i + 1) % n;
-      if (!low_is_point)
-        mesh.indices.insert(mesh.indices.end(), {low + i, low + j, high_is_point ? high : high + j});
-      if (!high_is_point)
-        mesh.indices.insert(mesh.indices.end(), {low_is_point ? low : low + i, high + j, high + i});
+      if (!low_is_point) mesh.indices.insert(mesh.indices.end(), {low + i, low + j, high_is_point ? high : high + j});
+      if (!high_is_point) mesh.indices.insert(mesh.indices.end(), {low_is_point ? low : low + i, high + j, high + i});
     }
     low = high;
   }
@@ -58,8 +56,7 @@ void append_box(MeshData& mesh, const glm::dvec3& low_m, const glm::dvec3& high_
     mesh.indices.push_back(first + corner);
 }
 
-void append_quad(MeshData& mesh, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c,
-                 const glm::dvec3& d) {
+void append_quad(MeshData& mesh, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c, const glm::dvec3& d) {
   const uint32_t i = append_point(mesh, a);
   append_point(mesh, b);
   append_point(mesh, c);

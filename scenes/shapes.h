@@ -11,8 +11,7 @@ namespace sightline::scenes {
 // 12 triangles.
 void append_box(MeshData& mesh, const glm::dvec3& low_m, const glm::dvec3& high_m);
 // The four corners in counter-clockwise order seen from the front; 2 triangles.
-void append_quad(MeshData& mesh, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c,
-                 const glm::dvec3& d);
+void append_quad(MeshData& mesh, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c, const glm::dvec3& d);
 // An upright closed cylinder or cone frustum standing on `foot_m`; a radius of 0 at the top makes a cone.
 void append_frustum(MeshData& mesh, const glm::dvec3& foot_m, double foot_radius_m, double top_radius_m,
                     double height_m, int segments);

@@ -7,7 +7,8 @@
 namespace sightline::scenes {
 namespace {
 
-// Seen from above, +x to the right, +z up; even flights lead towards +z, odd ones back. In half of the seeds x is mirrored.
+// Seen from above, +x to the right, +z up; even flights lead towards +z, odd ones back. In half of the seeds x is
+// mirrored.
 //
 //    z = 3.9  +-----------------+
 //             |  half landing   |
@@ -41,9 +42,11 @@ double along(int flight, double from_foot_m) {
 void add_flight(MeshData& mesh, int flight, double mirror) {
   const double base = flight * kFlightRise_m;
   for (int k = 0; k < kSteps; ++k) {
-    const double z0 = along(flight, k * kTread_m), z1 = along(flight, (k + 1) * kTread_m), top = base + (k + 1) * kRise_m;
+    const double z0 = along(flight, k * kTread_m), z1 = along(flight, (k + 1) * kTread_m),
+                 top = base + (k + 1) * kRise_m;
     const double x0 = mirror * side_of(flight) * kHalfGap_m, x1 = mirror * side_of(flight) * kHalfShaft_m;
-    append_box(mesh, {std::min(x0, x1), top - kRise_m - kSlab_m, std::min(z0, z1)}, {std::max(x0, x1), top, std::max(z0, z1)});
+    append_box(mesh, {std::min(x0, x1), top - kRise_m - kSlab_m, std::min(z0, z1)},
+               {std::max(x0, x1), top, std::max(z0, z1)});
   }
 }
 
@@ -63,7 +66,8 @@ void add_shell(ScenarioBuilder& scene) {
   append_box(walls, {-kHalfShaft_m, 0, high}, {kHalfShaft_m, kTop_m, high + kWall_m});
   append_box(walls, {-kHalfShaft_m, 0, kLobbyEnd_m - kWall_m}, {kHalfShaft_m, kLobby_m, kLobbyEnd_m});
   append_box(walls, {-kHalfShaft_m, kLobby_m, low - kWall_m}, {kHalfShaft_m, kTop_m, low});
-  append_box(walls, {-kHalfShaft_m, kLobby_m, kLobbyEnd_m - kWall_m}, {kHalfShaft_m, kLobby_m + kWall_m, low - kWall_m});
+  append_box(walls, {-kHalfShaft_m, kLobby_m, kLobbyEnd_m - kWall_m},
+             {kHalfShaft_m, kLobby_m + kWall_m, low - kWall_m});
   append_box(walls, {-out, kTop_m, low - kWall_m}, {out, kTop_m + kWall_m, high + kWall_m});
   scene.add_static("floor", scene.add_mesh("floor", floor, colors::kFloor), {0, 0, 0});
   scene.add_static("walls", scene.add_mesh("walls", walls, colors::kWall), {0, 0, 0});

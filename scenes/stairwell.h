@@ -1,5 +1,6 @@
-// Stairwell: four storeys of stairs that turn back at every half storey, in a closed shaft, and a lobby below. One target walks up from
-// the lobby. It tests a way that leads over itself: the shortest line to the target is through a flight of stairs.
+// Stairwell: four storeys of stairs that turn back at every half storey, in a closed shaft, and a lobby below. One
+// target walks up from the lobby. It tests a way that leads over itself: the shortest line to the target is through a
+// flight of stairs.
 #pragma once
 
 #include <cstddef>

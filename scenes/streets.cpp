@@ -75,7 +75,8 @@ void add_parked(ScenarioBuilder& scene, CounterRandom& random) {
   const int van = scene.add_mesh("parked", vehicle_mesh(5.5, 2.5), colors::kCar);
   for (int k = 0; k < 120; ++k) {
     const double along = snapped_in(random, 0.1, 0.9) + random.next_below(kGrid), line = random.next_below(kGrid + 1);
-    const double at = snap(along * kPitch_m), across = snap(line * kPitch_m + (random.next_below(2) == 0 ? 6.25 : -6.25));
+    const double at = snap(along * kPitch_m),
+                 across = snap(line * kPitch_m + (random.next_below(2) == 0 ? 6.25 : -6.25));
     const bool along_x = random.next_below(2) == 0;
     // Not on a crossing, nor where the target starts.
     const double rest = at - std::floor(at / kPitch_m) * kPitch_m;
@@ -103,7 +104,8 @@ void add_traffic(ScenarioBuilder& scene, int count, const Motion& target, Counte
     const double across = random.next_below(kGrid + 1) * kPitch_m, speed = random.next_in(10, 20);
     const bool along_x = random.next_below(2) == 0, forward = random.next_below(2) == 0;
     const double start = snapped_in(random, -200, kGrid * kPitch_m + 200), end = start + (forward ? 1000 : -1000);
-    const Polyline street = along_x ? Polyline{{start, across}, {end, across}} : Polyline{{across, start}, {across, end}};
+    const Polyline street = along_x ? Polyline{{start, across}, {end, across}}
+                                    : Polyline{{across, start}, {across, end}};
     const TimedPath path(parallel(street, -kLane_m), {0, 1000 / speed});
     const Motion motion = walk(path, scene.duration_s());
     if (least_distance_m(motion, target) < kApart_m) continue;
@@ -147,8 +149,9 @@ std::vector<std::byte> make_block(const BlockOptions& options) {
   const double stop = snapped_in(random, -20, 20);
   Polyline line{{-half + 10, off * side}, {off, off * side}, {off, stop * side}};
   if (two_corners) line = {{-half + 10, off * side}, {off, off * side}, {off, -off * side}, {stop, -off * side}};
-  const Motion drive =
-      walk(drive_along(line, {.cruise_mps = 20, .corner_radius_m = 12, .lateral_mps2 = 50, .stops = true}), options.duration_s);
+  const Motion drive = walk(
+      drive_along(line, {.cruise_mps = 20, .corner_radius_m = 12, .lateral_mps2 = 50, .stops = true}),
+      options.duration_s);
   ScenarioBuilder scene(options.duration_s);
   add_ground(scene, 200, {0, 0});
   const int block = scene.add_mesh("block", standing_box(kBlock_m, kBlockHeight_m, kBlock_m), colors::kStone);

@@ -44,7 +44,8 @@ Result<PartMeshes> read_tiles(const std::string& folder) {
   for (size_t k = 0; k < kPartCount; ++k) {
     const std::string path = folder + "/" + std::string(kind_of(static_cast<Part>(k)).tile) + ".glb";
     std::error_code trouble;
-    if (!std::filesystem::is_regular_file(path, trouble)) return fail(ErrorCode::kNotFound, "tiles", path + " is missing");
+    if (!std::filesystem::is_regular_file(path, trouble))
+      return fail(ErrorCode::kNotFound, "tiles", path + " is missing");
     const auto asset = read_gltf_file(path, store);
     if (!asset) return tl::unexpected(asset.error());
     meshes[k] = merged(**asset);

@@ -1,5 +1,5 @@
-// Reads the parts of levels from a folder of tiles: KayKit's "Dungeon Remastered" (CC0, kaylousberg.com), one .glb a tile. The tiles
-// are not part of this project; without them levels are made of plain boxes.
+// Reads the parts of levels from a folder of tiles: KayKit's "Dungeon Remastered" (CC0, kaylousberg.com), one .glb a
+// tile. The tiles are not part of this project; without them levels are made of plain boxes.
 #pragma once
 
 #include <string>

@@ -21,7 +21,8 @@ struct Sample {
 void append_straight(std::vector<Sample>& samples, const glm::dvec2& to, double fastest_mps) {
   const glm::dvec2 from = samples.back().p;
   const int pieces = std::max(1, static_cast<int>(std::ceil(length(to - from) / kSample_m)));
-  for (int k = 1; k <= pieces; ++k) samples.push_back({from + (to - from) * (static_cast<double>(k) / pieces), fastest_mps});
+  for (int k = 1; k <= pieces; ++k)
+    samples.push_back({from + (to - from) * (static_cast<double>(k) / pieces), fastest_mps});
 }
 
 // A quadratic Bezier curve between two points on the legs of a corner. At a right angle, its least radius is a third
@@ -45,7 +46,8 @@ std::vector<Sample> rounded(const Polyline& line, const DriveLimits& limits) {
     const double radius = std::min({limits.corner_radius_m, length(in) / 2, length(out) / 2});
     const glm::dvec2 from = line[k] - in * (radius / length(in)), to = line[k] + out * (radius / length(out));
     append_straight(samples, from, limits.cruise_mps);
-    append_corner(samples, from, line[k], to, std::min(limits.cruise_mps, std::sqrt(limits.lateral_mps2 * radius * 2 / 3)));
+    append_corner(samples, from, line[k], to,
+                  std::min(limits.cruise_mps, std::sqrt(limits.lateral_mps2 * radius * 2 / 3)));
   }
   return samples;
 }
@@ -56,7 +58,8 @@ std::vector<double> speeds_mps(const std::vector<Sample>& samples, const DriveLi
   for (const Sample& sample : samples) speeds.push_back(sample.fastest_mps);
   if (limits.stops) speeds.back() = kLeast_mps;
   const auto reach = [&](size_t from, size_t to, double acceleration) {
-    const double faster = std::sqrt(speeds[from] * speeds[from] + 2 * acceleration * length(samples[to].p - samples[from].p));
+    const double faster = std::sqrt(speeds[from] * speeds[from] +
+                                    2 * acceleration * length(samples[to].p - samples[from].p));
     speeds[to] = std::min(speeds[to], faster);
   };
   for (size_t k = speeds.size() - 1; k > 0; --k) reach(k, k - 1, limits.brake_mps2);
@@ -89,7 +92,8 @@ MeshData vehicle_mesh(double length_m, double height_m) {
   const double half = length_m / 2;
   append_box(mesh, {-0.875, 0.25, -half}, {0.875, 0.5 * height_m, half});
   append_box(mesh, {-0.75, 0.5 * height_m, -0.6 * half}, {0.75, height_m, 0.5 * half});
-  for (const double z : {-0.6 * half, 0.6 * half}) append_box(mesh, {-0.8125, 0, z - 0.3125}, {0.8125, 0.25, z + 0.3125});
+  for (const double z : {-0.6 * half, 0.6 * half})
+    append_box(mesh, {-0.8125, 0, z - 0.3125}, {0.8125, 0.25, z + 0.3125});
   return mesh;
 }
 

@@ -1,4 +1,5 @@
-// The drive of a vehicle along a line on the ground: corners rounded to arcs, speed limited by the arcs, acceleration and brakes.
+// The drive of a vehicle along a line on the ground: corners rounded to arcs, speed limited by the arcs, acceleration
+// and brakes.
 #pragma once
 
 #include "scenes/path.h"

@@ -40,14 +40,12 @@ ordered_json flag_of(const CLI::Option& option) {
 }
 
 ordered_json table_of(const CLI::App& app) {
-  ordered_json table = {{"name", app.get_name()},
-                        {"description", app.get_description()},
-                        {"footer", app.get_footer()},
-                        {"takes_flags_of_parent", app.get_fallthrough()},
-                        {"flags", ordered_json::array()},
-                        {"commands", ordered_json::array()}};
+  ordered_json table = {{"name", app.get_name()},         {"description", app.get_description()},
+                        {"footer", app.get_footer()},     {"takes_flags_of_parent", app.get_fallthrough()},
+                        {"flags", ordered_json::array()}, {"commands", ordered_json::array()}};
   for (const CLI::Option* option : app.get_options()) table["flags"].push_back(flag_of(*option));
-  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) table["commands"].push_back(table_of(*command));
+  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
+    table["commands"].push_back(table_of(*command));
   return table;
 }
 
@@ -62,7 +60,8 @@ void add_describe_flag(CLI::App& app) {
     std::cout << command_table(app) << '\n';
     throw CLI::Success();
   };
-  app.add_flag_callback("--describe", describe, "Print all flags and sub-commands as one JSON object, and exit")->configurable(false);
+  app.add_flag_callback("--describe", describe, "Print all flags and sub-commands as one JSON object, and exit")
+      ->configurable(false);
 }
 
 }  // namespace sightline

@@ -15,7 +15,8 @@ std::string trimmed(const std::string& text) {
   throw CLI::ConfigError("line " + std::to_string(number) + " of the configuration file: " + why);
 }
 
-// The value of a line without its quotes and its comment. Nothing when a quote that is opened is not closed at the end of the value.
+// The value of a line without its quotes and its comment. Nothing when a quote that is opened is not closed at the end
+// of the value.
 std::optional<std::string> value_of(const std::string& text) {
   const char quote = text.empty() ? '\0' : text.front();
   if (quote != '"' && quote != '\'') return trimmed(text.substr(0, text.find('#')));
@@ -29,7 +30,8 @@ std::optional<std::string> value_of(const std::string& text) {
 }  // namespace
 
 std::string why_not_in_file(const std::string& value) {
-  if (value.find_first_of("\r\n") != std::string::npos) return "a value in a configuration file cannot have a line break";
+  if (value.find_first_of("\r\n") != std::string::npos)
+    return "a value in a configuration file cannot have a line break";
   if (value != trimmed(value)) return "a value in a configuration file cannot begin or end with a blank";
   if (value.find('"') != std::string::npos && value.find('\'') != std::string::npos)
     return "a value in a configuration file cannot have both kinds of quotes";

@@ -30,9 +30,10 @@ std::vector<DeviceRow> device_rows(const EglOptions& options, const Result<Sampl
   const auto chosen = [&](SamplerChoice choice) { return decision && decision->sampler == choice; };
   std::vector<DeviceRow> rows;
   for (const EglDeviceInfo& device : list_egl_devices(options))
-    rows.push_back({chosen(SamplerChoice::kEgl) && device.chosen, "egl", device.index, device.platform, device.drm_node, device.renderer,
-                    device.gl_version, device_note(device)});
-  rows.push_back({chosen(SamplerChoice::kEmbree), "embree", -1, "cpu", "", make_embree_sampler_device()->renderer(), "", ""});
+    rows.push_back({chosen(SamplerChoice::kEgl) && device.chosen, "egl", device.index, device.platform, device.drm_node,
+                    device.renderer, device.gl_version, device_note(device)});
+  rows.push_back(
+      {chosen(SamplerChoice::kEmbree), "embree", -1, "cpu", "", make_embree_sampler_device()->renderer(), "", ""});
   return rows;
 }
 
@@ -41,8 +42,8 @@ void print_devices(const std::vector<DeviceRow>& rows) {
   std::printf("%-5s %-6s %-6s %-12s %-20s %s\n", "used", "kind", "index", "platform", "node", "renderer");
   for (const DeviceRow& row : rows) {
     const std::string index = row.index < 0 ? "" : std::to_string(row.index);
-    std::printf("%-5s %-6s %-6s %-12s %-20s %s", row.used ? "*" : "", row.kind, or_dash(index), row.platform.c_str(), or_dash(row.node),
-                or_dash(row.renderer));
+    std::printf("%-5s %-6s %-6s %-12s %-20s %s", row.used ? "*" : "", row.kind, or_dash(index), row.platform.c_str(),
+                or_dash(row.node), or_dash(row.renderer));
     row.note.empty() ? std::printf("\n") : std::printf(", %s (%s)\n", or_dash(row.version), row.note.c_str());
   }
 }

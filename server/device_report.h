@@ -5,7 +5,8 @@
 
 namespace sightline {
 
-// Prints every device, which of them the daemon would use with these options, and why; as a table or as JSON. Returns the exit status.
+// Prints every device, which of them the daemon would use with these options, and why; as a table or as JSON. Returns
+// the exit status.
 int report_devices(SamplerChoice choice, const EglOptions& options, bool json);
 
 }  // namespace sightline

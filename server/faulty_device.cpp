@@ -74,7 +74,8 @@ Result<FaultPlan> parse_fault_plan(const std::string& text) {
   const char* const number = colon == std::string::npos ? end : text.data() + colon + 1;
   const auto [read, error] = std::from_chars(number, end, plan.every);
   if (kind == kKinds.end() || error != std::errc() || read != end || plan.every == 0)
-    return invalid(kField, "KIND:N is needed, with context-loss, sampler, exception, memory or hang, and N > 0; got " + text);
+    return invalid(kField,
+                   "KIND:N is needed, with context-loss, sampler, exception, memory or hang, and N > 0; got " + text);
   plan.kind = kind->second;
   return plan;
 }

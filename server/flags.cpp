@@ -54,8 +54,7 @@ CLI::IsMember one_of(const std::map<std::string, T>& choices) {
 }
 
 std::string check_octal_mode(const std::string& text) {
-  const bool octal =
-      !text.empty() && text.size() <= 4 && text.find_first_not_of("01234567") == std::string::npos;
+  const bool octal = !text.empty() && text.size() <= 4 && text.find_first_not_of("01234567") == std::string::npos;
   return octal && std::stoul(text, nullptr, 8) <= 0777 ? "" : "a file mode is octal, 0 to 0777; got " + text;
 }
 
@@ -63,10 +62,8 @@ std::string check_address(const std::string& text) {
   if (text == "none") return "";
   const size_t colon = text.rfind(':');
   const std::string port = colon == std::string::npos ? "" : text.substr(colon + 1);
-  const bool number =
-      !port.empty() && port.size() <= 5 && port.find_first_not_of("0123456789") == std::string::npos;
-  return colon > 0 && number && std::stoul(port) <= 65535 ? ""
-                                                          : "an address is host:port or none; got " + text;
+  const bool number = !port.empty() && port.size() <= 5 && port.find_first_not_of("0123456789") == std::string::npos;
+  return colon > 0 && number && std::stoul(port) <= 65535 ? "" : "an address is host:port or none; got " + text;
 }
 
 // An empty path is valid: a printed configuration has one where no folder is set.
@@ -88,9 +85,10 @@ CLI::Validator number_in(double least, double most) {
 }
 
 void add_listening(CLI::App& app, RawFlags& raw) {
-  app.add_option("--listen", raw.flags.listen,
-                 "TCP address to listen at, host:port. Port 0 takes a free port; none turns TCP off. Change it to serve "
-                 "other machines, which needs --tls-cert with --access-file or --tls-client-ca")
+  app.add_option(
+         "--listen", raw.flags.listen,
+         "TCP address to listen at, host:port. Port 0 takes a free port; none turns TCP off. Change it to serve "
+         "other machines, which needs --tls-cert with --access-file or --tls-client-ca")
       ->check(CLI::Validator(check_address, "HOST:PORT|none"))
       ->capture_default_str();
   app.add_option("--listen-unix", raw.flags.listen_unix,
@@ -108,32 +106,40 @@ void add_listening(CLI::App& app, RawFlags& raw) {
 }
 
 void add_trust(CLI::App& app, RawFlags& raw) {
-  app.add_option("--tls-cert", raw.flags.tls_cert,
-                 "File of the server's certificate, in PEM format, followed by those between it and its root. TCP is then "
-                 "encrypted. It is read again when it changes. Default: TCP is not encrypted")
+  app.add_option(
+         "--tls-cert", raw.flags.tls_cert,
+         "File of the server's certificate, in PEM format, followed by those between it and its root. TCP is then "
+         "encrypted. It is read again when it changes. Default: TCP is not encrypted")
       ->type_name("FILE");
-  app.add_option("--tls-key", raw.flags.tls_key, "File of the certificate's key, in PEM format, without a password")->type_name("FILE");
+  app.add_option("--tls-key", raw.flags.tls_key, "File of the certificate's key, in PEM format, without a password")
+      ->type_name("FILE");
   app.add_option("--tls-client-ca", raw.flags.tls_client_ca,
-                 "File of the certificates, in PEM format, of which one must have signed the certificate of every client that connects "
+                 "File of the certificates, in PEM format, of which one must have signed the certificate of every "
+                 "client that connects "
                  "over TCP. Default: clients need no certificate")
       ->type_name("FILE");
   app.add_option("--access-file", raw.flags.access_file,
-                 "File of those who may speak: tokens, certificates and users of the unix socket, each with a role. It is read again when "
+                 "File of those who may speak: tokens, certificates and users of the unix socket, each with a role. It "
+                 "is read again when "
                  "it changes. Default: everyone who can connect may speak")
       ->type_name("FILE");
   app.add_flag("--allow-insecure-network", raw.flags.allow_insecure_network,
-               "Listen at an address that other hosts can reach although clients need not show who they are, or are not encrypted. Use "
+               "Listen at an address that other hosts can reach although clients need not show who they are, or are "
+               "not encrypted. Use "
                "it only where something else keeps others out");
 }
 
 void add_health(CLI::App& app, RawFlags& raw) {
-  app.add_option("--metrics-listen", raw.flags.metrics_listen,
-                 "TCP address for Prometheus and for probes, host:port: /metrics, /livez and /readyz over HTTP. It has neither encryption nor "
-                 "authentication, so choose an address that only they can reach, such as 127.0.0.1:50152. none turns it off")
+  app.add_option(
+         "--metrics-listen", raw.flags.metrics_listen,
+         "TCP address for Prometheus and for probes, host:port: /metrics, /livez and /readyz over HTTP. It has neither "
+         "encryption nor "
+         "authentication, so choose an address that only they can reach, such as 127.0.0.1:50152. none turns it off")
       ->check(CLI::Validator(check_address, "HOST:PORT|none"))
       ->capture_default_str();
   app.add_option("--stall-s", raw.flags.stall_s,
-                 "Time after which a thread that does not answer counts as hanging, in seconds. The daemon is then neither alive nor "
+                 "Time after which a thread that does not answer counts as hanging, in seconds. The daemon is then "
+                 "neither alive nor "
                  "ready. Raise it on machines that stop for long")
       ->check(number_in(1.0, 3600.0))
       ->capture_default_str();
@@ -144,7 +150,8 @@ void add_sampling(CLI::App& app, RawFlags& raw) {
                  "Folder of the scene files that clients can open by name. Default: none; scenes are then uploaded")
       ->check(CLI::Validator(check_folder, "DIR"));
   app.add_option("--sampler", raw.sampler,
-                 "Device that takes depth maps. egl renders with OpenGL, embree casts rays on the CPU. auto takes embree, which was "
+                 "Device that takes depth maps. egl renders with OpenGL, embree casts rays on the CPU. auto takes "
+                 "embree, which was "
                  "faster on every machine measured, and egl where --egl-device or --require-gpu asks for it")
       ->check(one_of(kSamplers))
       ->capture_default_str();
@@ -154,20 +161,23 @@ void add_sampling(CLI::App& app, RawFlags& raw) {
       ->check(CLI::Range(-1, 1023))
       ->capture_default_str();
   app.add_flag("--require-gpu", raw.flags.require_gpu,
-               "Render with OpenGL, and refuse to start when that would be in software. Use it where a silent fallback would be a "
+               "Render with OpenGL, and refuse to start when that would be in software. Use it where a silent fallback "
+               "would be a "
                "misconfiguration. --sampler embree needs no GPU and is not affected");
 }
 
 void add_limits(CLI::App& app, RawFlags& raw) {
-  app.add_option("--threads", raw.flags.threads,
-                 "Threads that take steps; 0 means one for each CPU that the process may use. Lower it to leave CPUs to "
-                 "a game server on the same machine")
+  app.add_option(
+         "--threads", raw.flags.threads,
+         "Threads that take steps; 0 means one for each CPU that the process may use. Lower it to leave CPUs to "
+         "a game server on the same machine")
       ->check(CLI::Range(0u, 1024u))
       ->capture_default_str();
-  app.add_option("--step-budget-ms", raw.flags.step_budget_ms,
-                 "Longest time that a step may take, in milliseconds. A session whose steps take longer lowers its "
-                 "quality level. 0 means no fixed limit: the session's fair share of the threads, and less than its tick "
-                 "interval. Set it to bound the cost of each session")
+  app.add_option(
+         "--step-budget-ms", raw.flags.step_budget_ms,
+         "Longest time that a step may take, in milliseconds. A session whose steps take longer lowers its "
+         "quality level. 0 means no fixed limit: the session's fair share of the threads, and less than its tick "
+         "interval. Set it to bound the cost of each session")
       ->check(number_in(0.0, 1000.0))
       ->capture_default_str();
   app.add_flag("--no-degrade", raw.flags.no_degrade,
@@ -177,23 +187,29 @@ void add_limits(CLI::App& app, RawFlags& raw) {
                  "Largest number of open sessions; further ones are refused. Change it to fit the machine")
       ->check(CLI::Range(size_t{1}, size_t{100'000}))
       ->capture_default_str();
-  app.add_option("--max-sessions-per-client", raw.flags.max_sessions_per_client,
-                 "Largest number of open sessions of one client; 0 means three quarters of --max-sessions, so that others get in. A "
-                 "client is a user on the unix socket, otherwise an address. Raise it where one client opens all sessions")
+  app.add_option(
+         "--max-sessions-per-client", raw.flags.max_sessions_per_client,
+         "Largest number of open sessions of one client; 0 means three quarters of --max-sessions, so that others get "
+         "in. A "
+         "client is a user on the unix socket, otherwise an address. Raise it where one client opens all sessions")
       ->check(CLI::Range(size_t{0}, size_t{100'000}))
       ->capture_default_str();
-  app.add_option("--session-idle-s", raw.flags.session_idle_s,
-                 "Time without a tick after which a session is ended, in seconds; 0 means never. Raise it for games that pause "
-                 "for longer")
+  app.add_option(
+         "--session-idle-s", raw.flags.session_idle_s,
+         "Time without a tick after which a session is ended, in seconds; 0 means never. Raise it for games that pause "
+         "for longer")
       ->check(number_in(0.0, 86'400.0))
       ->capture_default_str();
   app.add_option("--resume-grace-s", raw.flags.resume_grace_s,
-                 "Time for which a session is kept after its stream broke, in seconds, if its client asked for it. In this time the client "
-                 "can go on with it over another connection. It counts as an open session until then. 0 means that no session is kept")
+                 "Time for which a session is kept after its stream broke, in seconds, if its client asked for it. In "
+                 "this time the client "
+                 "can go on with it over another connection. It counts as an open session until then. 0 means that no "
+                 "session is kept")
       ->check(number_in(0.0, 3600.0))
       ->capture_default_str();
   app.add_option("--max-connections", raw.flags.max_connections,
-                 "Largest number of open connections. An unused one makes way for a new one. It is lowered when the process may "
+                 "Largest number of open connections. An unused one makes way for a new one. It is lowered when the "
+                 "process may "
                  "not open three file descriptors for each")
       ->check(CLI::Range(size_t{1}, size_t{100'000}))
       ->capture_default_str();
@@ -202,17 +218,20 @@ void add_limits(CLI::App& app, RawFlags& raw) {
       ->check(CLI::Range(size_t{0}, size_t{100'000}))
       ->capture_default_str();
   app.add_option("--max-health-watches", raw.flags.max_health_watches,
-                 "Largest number of Watch calls of the health service, three quarters of them for one client. A client needs one for each "
+                 "Largest number of Watch calls of the health service, three quarters of them for one client. A client "
+                 "needs one for each "
                  "connection, so raise it together with --max-connections")
       ->check(CLI::Range(size_t{1}, size_t{100'000}))
       ->capture_default_str();
   app.add_option("--max-reflection-calls", raw.flags.max_reflection_calls,
-                 "Largest number of reflection calls at the same time, of 10 s each. Tools such as grpcurl make them; raise it when very many do")
+                 "Largest number of reflection calls at the same time, of 10 s each. Tools such as grpcurl make them; "
+                 "raise it when very many do")
       ->check(CLI::Range(size_t{1}, size_t{1000}))
       ->capture_default_str();
-  app.add_option("--max-message-mib", raw.flags.max_message_mib,
-                 "Largest message that is accepted, in MiB; a larger one ends its call. Raise it for ticks with very many "
-                 "instances")
+  app.add_option(
+         "--max-message-mib", raw.flags.max_message_mib,
+         "Largest message that is accepted, in MiB; a larger one ends its call. Raise it for ticks with very many "
+         "instances")
       ->check(CLI::Range(size_t{2}, size_t{1024}))
       ->capture_default_str();
   app.add_option("--max-message-memory-mib", raw.flags.max_message_memory_mib,
@@ -221,8 +240,10 @@ void add_limits(CLI::App& app, RawFlags& raw) {
       ->check(CLI::Range(size_t{8}, size_t{4096}))
       ->capture_default_str();
   app.add_option("--session-memory-mib", raw.flags.session_memory_mib,
-                 "Largest memory of one session, in MiB: its instances, their distinct shapes, and what its steps keep. An instance takes about 400 bytes, a "
-                 "distinct sphere or capsule 20 KB, the steps 0.5 MiB and 0.23 MiB for each target with the default settings. Raise it for very "
+                 "Largest memory of one session, in MiB: its instances, their distinct shapes, and what its steps "
+                 "keep. An instance takes about 400 bytes, a "
+                 "distinct sphere or capsule 20 KB, the steps 0.5 MiB and 0.23 MiB for each target with the default "
+                 "settings. Raise it for very "
                  "large scenes. In a small container the default is smaller")
       ->check(CLI::Range(size_t{1}, size_t{100'000}))
       ->capture_default_str();
@@ -231,60 +252,77 @@ void add_limits(CLI::App& app, RawFlags& raw) {
       ->check(CLI::Range(size_t{1}, size_t{1'000'000}))
       ->capture_default_str();
   app.add_option("--client-memory-mib", raw.flags.client_memory_mib,
-                 "The same for all sessions of one client; 0 means three quarters of --sessions-memory-mib, so that others get in")
+                 "The same for all sessions of one client; 0 means three quarters of --sessions-memory-mib, so that "
+                 "others get in")
       ->check(CLI::Range(size_t{0}, size_t{1'000'000}))
       ->capture_default_str();
   app.add_option("--geometry-memory-mib", raw.flags.geometry_memory_mib,
-                 "Largest memory of the geometry of all scenes and shapes together, in MiB. It also bounds what one scene file may take. "
-                 "The sampler takes about as much again. Raise it for larger scenes. In a container with less than 1,120 MiB of memory (memory.max of its "
-                 "control group) the default is smaller. So is that of the other flags of memory, so that all of them fit together; --print-config "
+                 "Largest memory of the geometry of all scenes and shapes together, in MiB. It also bounds what one "
+                 "scene file may take. "
+                 "The sampler takes about as much again. Raise it for larger scenes. In a container with less than "
+                 "1,120 MiB of memory (memory.max of its "
+                 "control group) the default is smaller. So is that of the other flags of memory, so that all of them "
+                 "fit together; --print-config "
                  "shows them")
       ->check(CLI::Range(size_t{8}, size_t{1'000'000}))
       ->capture_default_str();
   app.add_option("--client-scenes-memory-mib", raw.flags.client_scenes_memory_mib,
-                 "Largest memory of the scenes that one client has uploaded, in MiB; 0 means three quarters of --geometry-memory-mib, so that "
+                 "Largest memory of the scenes that one client has uploaded, in MiB; 0 means three quarters of "
+                 "--geometry-memory-mib, so that "
                  "others can upload too")
       ->check(CLI::Range(size_t{0}, size_t{1'000'000}))
       ->capture_default_str();
   app.add_option("--messages-memory-mib", raw.flags.messages_memory_mib,
-                 "Memory of the messages that wait, of all sessions together, in MiB; half of it for one client. Beyond it the server reads "
-                 "less, and refuses large messages. It must hold twice --max-message-memory-mib. In a small container the default is smaller")
+                 "Memory of the messages that wait, of all sessions together, in MiB; half of it for one client. "
+                 "Beyond it the server reads "
+                 "less, and refuses large messages. It must hold twice --max-message-memory-mib. In a small container "
+                 "the default is smaller")
       ->check(CLI::Range(size_t{16}, size_t{1'000'000}))
       ->capture_default_str();
   app.add_option("--transport-memory-mib", raw.flags.transport_memory_mib,
-                 "Memory of gRPC for messages that are not complete, or that nobody has taken yet, of all clients together, in MiB; half of it "
-                 "for one client; 0 means no limit. Beyond it the connection that holds most is cut. Raise it where many clients send large "
+                 "Memory of gRPC for messages that are not complete, or that nobody has taken yet, of all clients "
+                 "together, in MiB; half of it "
+                 "for one client; 0 means no limit. Beyond it the connection that holds most is cut. Raise it where "
+                 "many clients send large "
                  "messages at once. In a small container the default is smaller")
       ->check(CLI::Range(size_t{0}, size_t{1'000'000}))
       ->capture_default_str();
   app.add_option("--max-step-cost-ms", raw.flags.max_step_cost_ms,
-                 "Largest cost of a step that a client may ask for by its settings and its targets, in milliseconds of an ordinary CPU "
-                 "as the server estimates it; 0 means no limit. A step cannot be interrupted, so others wait for that long. Raise it "
+                 "Largest cost of a step that a client may ask for by its settings and its targets, in milliseconds of "
+                 "an ordinary CPU "
+                 "as the server estimates it; 0 means no limit. A step cannot be interrupted, so others wait for that "
+                 "long. Raise it "
                  "where one client uses the server alone")
       ->check(number_in(0.0, 100'000.0))
       ->capture_default_str();
   app.add_option("--max-maps-ms", raw.flags.max_maps_ms,
-                 "Longest processor time that the depth maps of a step may take, in milliseconds; 0 means no limit. A step that takes longer is given "
-                 "up, and its client is told. It bounds what a heavy scene can cost others; with EGL the maps are taken in one go")
+                 "Longest processor time that the depth maps of a step may take, in milliseconds; 0 means no limit. A "
+                 "step that takes longer is given "
+                 "up, and its client is told. It bounds what a heavy scene can cost others; with EGL the maps are "
+                 "taken in one go")
       ->check(number_in(0.0, 100'000.0))
       ->capture_default_str();
   app.add_option("--max-load-s", raw.flags.max_load_s,
-                 "Longest processor time that reading one scene file may take, or the opening of one session, in seconds; 0 means no limit. "
+                 "Longest processor time that reading one scene file may take, or the opening of one session, in "
+                 "seconds; 0 means no limit. "
                  "A file that takes longer is refused. Raise it for larger scenes, or slow machines")
       ->check(number_in(0.0, 100'000.0))
       ->capture_default_str();
-  app.add_option("--max-upload-mib", raw.flags.max_upload_mib,
-                 "Largest scene file that can be uploaded, in MiB. Raise it for larger scenes; a file is held in memory "
-                 "while it is read. In a small container the default is smaller")
+  app.add_option(
+         "--max-upload-mib", raw.flags.max_upload_mib,
+         "Largest scene file that can be uploaded, in MiB. Raise it for larger scenes; a file is held in memory "
+         "while it is read. In a small container the default is smaller")
       ->check(CLI::Range(size_t{1}, size_t{1024}))
       ->capture_default_str();
   app.add_option("--max-uploads", raw.flags.max_uploads,
-                 "Largest number of uploads at the same time, half of them for one client. Together they hold at most twice --max-upload-mib. A very slow one "
+                 "Largest number of uploads at the same time, half of them for one client. Together they hold at most "
+                 "twice --max-upload-mib. A very slow one "
                  "makes way for a new one")
       ->check(CLI::Range(size_t{1}, size_t{48}))
       ->capture_default_str();
   app.add_option("--kept-uploads-mib", raw.flags.kept_uploads_mib,
-                 "Memory for uploaded scenes that no session has opened yet, in MiB; beyond it the oldest is dropped. In a small "
+                 "Memory for uploaded scenes that no session has opened yet, in MiB; beyond it the oldest is dropped. "
+                 "In a small "
                  "container the default is smaller")
       ->check(CLI::Range(size_t{1}, size_t{100'000}))
       ->capture_default_str();
@@ -293,8 +331,9 @@ void add_limits(CLI::App& app, RawFlags& raw) {
                  "networks")
       ->check(number_in(0.01, 3600.0))
       ->capture_default_str();
-  app.add_option("--upload-timeout-s", raw.flags.upload_timeout_s,
-                 "Longest pause within an upload, in seconds; after that the upload is ended. Raise it for slow networks")
+  app.add_option(
+         "--upload-timeout-s", raw.flags.upload_timeout_s,
+         "Longest pause within an upload, in seconds; after that the upload is ended. Raise it for slow networks")
       ->check(number_in(0.01, 3600.0))
       ->capture_default_str();
   app.add_option("--drain-s", raw.flags.drain_s,
@@ -305,9 +344,10 @@ void add_limits(CLI::App& app, RawFlags& raw) {
 }
 
 void add_logging(CLI::App& app, RawFlags& raw) {
-  app.add_option("--log-format", raw.log_format,
-                 "Format of the log, which goes to the standard error output: text, or one JSON object a line. Use json "
-                 "for log collectors")
+  app.add_option(
+         "--log-format", raw.log_format,
+         "Format of the log, which goes to the standard error output: text, or one JSON object a line. Use json "
+         "for log collectors")
       ->check(one_of(kFormats))
       ->capture_default_str();
   app.add_option("--log-level", raw.log_level,
@@ -318,9 +358,10 @@ void add_logging(CLI::App& app, RawFlags& raw) {
 
 void add_recording(CLI::App& app, RawFlags& raw) {
   constexpr uint64_t kMostMib = uint64_t{1} << 30;
-  app.add_option("--record-dir", raw.flags.record_dir,
-                 "Folder in which sessions are recorded, one file each; created when it does not exist. Default: nothing "
-                 "is recorded")
+  app.add_option(
+         "--record-dir", raw.flags.record_dir,
+         "Folder in which sessions are recorded, one file each; created when it does not exist. Default: nothing "
+         "is recorded")
       ->type_name("DIR");
   app.add_option("--record", raw.record,
                  "Sessions to record: all except those whose client refuses, or only those whose client asks (asked)")
@@ -337,9 +378,10 @@ void add_recording(CLI::App& app, RawFlags& raw) {
                  "Largest size of one file, in MiB; a longer session continues in further files")
       ->check(CLI::Range(uint64_t{1}, kMostMib))
       ->capture_default_str();
-  app.add_option("--record-age-h", raw.flags.record_age_h,
-                 "Age at which a recording is deleted, in hours; 0 means never. Set it where recordings may be kept for a "
-                 "limited time only")
+  app.add_option(
+         "--record-age-h", raw.flags.record_age_h,
+         "Age at which a recording is deleted, in hours; 0 means never. Set it where recordings may be kept for a "
+         "limited time only")
       ->check(CLI::Range(uint64_t{0}, uint64_t{1'000'000}))
       ->capture_default_str();
   app.add_option("--record-reserve-mib", raw.flags.record_reserve_mib,
@@ -365,14 +407,18 @@ void add_configuration(CLI::App& app, RawFlags& raw) {
     const auto text = read_small_file(path, "");
     return text ? std::string() : text.error().message;
   };
-  app.set_config("--config", "", "File to read flags from, in the format of --print-config; the command line wins. It has at most 1 MiB")
+  app.set_config(
+         "--config", "",
+         "File to read flags from, in the format of --print-config; the command line wins. It has at most 1 MiB")
       ->check(CLI::Validator(check_file, ""))
       ->type_name("FILE")
       ->configurable(false);
   app.add_flag("--print-config", raw.print_config,
                "Print all flags with their values in the format of --config, and exit")
       ->configurable(false);
-  app.add_flag("--check-config", raw.check_config, "Try whether the daemon can start with these flags on this machine, and exit: 0 when it can, otherwise 2. It reads the files that the flags "
+  app.add_flag("--check-config", raw.check_config,
+               "Try whether the daemon can start with these flags on this machine, and exit: 0 when it can, otherwise "
+               "2. It reads the files that the flags "
                "name and makes the device, but takes no address")
       ->configurable(false);
   app.set_version_flag("--version", std::string("sightlined ") + kVersion, "Print the version and exit")
@@ -394,11 +440,13 @@ void fit_memory(CLI::App& app, Flags& flags, const MemoryBudgets& budgets) {
   fit("--max-message-memory-mib", flags.max_message_memory_mib, budgets.max_message_memory);
   // A message that is allowed to be larger needs its room.
   const size_t most = MemoryBudgets().messages;
-  fit("--messages-memory-mib", flags.messages_memory_mib, std::max(budgets.messages, std::min(2 * flags.max_message_memory_mib, most)));
+  fit("--messages-memory-mib", flags.messages_memory_mib,
+      std::max(budgets.messages, std::min(2 * flags.max_message_memory_mib, most)));
   fit("--max-upload-mib", flags.max_upload_mib, budgets.max_upload);
   fit("--kept-uploads-mib", flags.kept_uploads_mib, budgets.kept_uploads);
   // One client, which has half of it, can send a message of the largest size.
-  fit("--transport-memory-mib", flags.transport_memory_mib, std::max(budgets.transport, 2 * (flags.max_message_mib + 1)));
+  fit("--transport-memory-mib", flags.transport_memory_mib,
+      std::max(budgets.transport, 2 * (flags.max_message_mib + 1)));
 }
 
 // Throws CLI::ValidationError for flags that are wrong only together.
@@ -410,10 +458,13 @@ void check_together(const Flags& flags) {
   if (flags.transport_memory_mib > 0 && flags.transport_memory_mib < 2 * (flags.max_message_mib + 1))
     throw CLI::ValidationError("--transport-memory-mib", "must be at least twice --max-message-mib and 2 more, or 0");
   if (flags.tls_cert.empty() != flags.tls_key.empty())
-    throw CLI::ValidationError(flags.tls_cert.empty() ? "--tls-key" : "--tls-cert", "--tls-cert and --tls-key are needed together");
-  if (flags.tls_cert.empty() && !flags.tls_client_ca.empty()) throw CLI::ValidationError("--tls-client-ca", "needs --tls-cert");
+    throw CLI::ValidationError(flags.tls_cert.empty() ? "--tls-key" : "--tls-cert",
+                               "--tls-cert and --tls-key are needed together");
+  if (flags.tls_cert.empty() && !flags.tls_client_ca.empty())
+    throw CLI::ValidationError("--tls-client-ca", "needs --tls-cert");
   if (flags.tls_cert.empty() && !flags.access_file.empty() && flags.listen != "none")
-    throw CLI::ValidationError("--access-file", "needs --tls-cert, or --listen none: a token that is sent unencrypted is no secret");
+    throw CLI::ValidationError("--access-file",
+                               "needs --tls-cert, or --listen none: a token that is sent unencrypted is no secret");
 }
 
 // Throws CLI::ValidationError for a value that --print-config cannot write.
@@ -421,7 +472,8 @@ void check_printable(const CLI::App& app) {
   for (const CLI::Option* option : app.get_options()) {
     if (!option->get_configurable()) continue;
     for (const std::string& value : option->results())
-      if (const std::string why = why_not_in_file(value); !why.empty()) throw CLI::ValidationError(option->get_name(), why);
+      if (const std::string why = why_not_in_file(value); !why.empty())
+        throw CLI::ValidationError(option->get_name(), why);
   }
 }
 
@@ -437,10 +489,12 @@ Flags finished(const RawFlags& raw) {
 }
 
 void add_devices(CLI::App& app, RawFlags& raw) {
-  CLI::App* const devices =
-      app.add_subcommand("devices", "List the devices that can take depth maps on this machine, and the one that would be used")
-          ->fallthrough()
-          ->configurable(false);
+  CLI::App* const
+      devices = app.add_subcommand(
+                       "devices",
+                       "List the devices that can take depth maps on this machine, and the one that would be used")
+                    ->fallthrough()
+                    ->configurable(false);
   devices->add_flag("--json", raw.json, "One JSON object instead of a table")->configurable(false);
 }
 
@@ -453,17 +507,23 @@ void add_demo(CLI::App& app) {
 }
 
 void add_health_check(CLI::App& app, RawFlags& raw) {
-  CLI::App* const health = app.add_subcommand("healthcheck",
-                                              "Ask the running daemon whether it is ready, at the address that --listen-unix, --listen or "
-                                              "the file of --config name. Exit with 0 when it is, otherwise with 1; for probes that run a "
-                                              "command")
-                               ->fallthrough()
-                               ->configurable(false);
-  health->add_option("--address", raw.address, "Where the daemon listens, instead: host:port, or unix:PATH")->configurable(false);
-  health->add_flag("--tls", raw.tls,
-                   "Encrypt TCP, for a daemon with --tls-cert whose flags are not given here; its certificate is not verified")
+  CLI::App* const
+      health = app.add_subcommand(
+                      "healthcheck",
+                      "Ask the running daemon whether it is ready, at the address that --listen-unix, --listen or "
+                      "the file of --config name. Exit with 0 when it is, otherwise with 1; for probes that run a "
+                      "command")
+                   ->fallthrough()
+                   ->configurable(false);
+  health->add_option("--address", raw.address, "Where the daemon listens, instead: host:port, or unix:PATH")
       ->configurable(false);
-  health->add_flag("--live", raw.alive, "Ask whether it is alive instead: whether none of its threads hangs")->configurable(false);
+  health
+      ->add_flag(
+          "--tls", raw.tls,
+          "Encrypt TCP, for a daemon with --tls-cert whose flags are not given here; its certificate is not verified")
+      ->configurable(false);
+  health->add_flag("--live", raw.alive, "Ask whether it is alive instead: whether none of its threads hangs")
+      ->configurable(false);
 }
 
 }  // namespace
@@ -471,9 +531,10 @@ void add_health_check(CLI::App& app, RawFlags& raw) {
 // All flags and subcommands. `app` has references to `raw`.
 struct CommandLine::Parts {
   RawFlags raw;
-  CLI::App app{"Steers cameras so that their targets stay in view. Clients send scenes and transforms over gRPC and "
-               "receive camera poses.",
-               "sightlined"};
+  CLI::App app{
+      "Steers cameras so that their targets stay in view. Clients send scenes and transforms over gRPC and "
+      "receive camera poses.",
+      "sightlined"};
   const std::shared_ptr<ConfigFile> config = std::make_shared<ConfigFile>(app);
   const MemoryBudgets budgets = memory_budgets(memory_limit(own_control_groups()));
 

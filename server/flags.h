@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "server/faulty_device.h"
-#include "server/service/log.h"
 #include "server/sample/sampler_choice.h"
+#include "server/service/log.h"
 
 namespace sightline {
 
@@ -26,11 +26,11 @@ struct Flags {
   SamplerChoice sampler = SamplerChoice::kAuto;
   int egl_device = -1;
   bool require_gpu = false;
-  unsigned threads = 0;          // 0: one for each CPU that the process may use
-  double step_budget_ms = 0.0;   // 0: no fixed limit
+  unsigned threads = 0;         // 0: one for each CPU that the process may use
+  double step_budget_ms = 0.0;  // 0: no fixed limit
   bool no_degrade = false;
   size_t max_sessions = 256;
-  size_t max_sessions_per_client = 0;     // 0: three quarters of max_sessions
+  size_t max_sessions_per_client = 0;  // 0: three quarters of max_sessions
   size_t max_connections = 256;
   size_t max_connections_per_client = 0;  // 0: three quarters of max_connections
   double session_idle_s = 300.0;          // 0: never
@@ -48,9 +48,9 @@ struct Flags {
   size_t client_scenes_memory_mib = 0;  // 0: three quarters of geometry_memory_mib
   size_t messages_memory_mib = 128;
   size_t transport_memory_mib = 128;  // 0: no limit
-  double max_step_cost_ms = 33.0;  // 0: no limit
-  double max_maps_ms = 100.0;      // 0: no limit
-  double max_load_s = 30.0;        // of processor time; 0: no limit
+  double max_step_cost_ms = 33.0;     // 0: no limit
+  double max_maps_ms = 100.0;         // 0: no limit
+  double max_load_s = 30.0;           // of processor time; 0: no limit
   size_t max_message_mib = 4;
   size_t max_upload_mib = 64;
   double open_timeout_s = 10.0;
@@ -105,8 +105,8 @@ class CommandLine {
   CommandLine();
   ~CommandLine();
 
-  // Reads the arguments and the file named by --config. Wrong flags print the reason to the standard error output and give
-  // Exit{2}. It can be called again; nothing of a former command line remains.
+  // Reads the arguments and the file named by --config. Wrong flags print the reason to the standard error output and
+  // give Exit{2}. It can be called again; nothing of a former command line remains.
   Command parse(int argc, const char* const* argv);
 
  private:

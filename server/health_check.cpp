@@ -6,9 +6,9 @@
 #include <chrono>
 #include <memory>
 
+#include "grpc/health/v1/health.grpc.pb.h"
 #include "server/gate/small_file.h"
 #include "server/rpc/timers.h"
-#include "grpc/health/v1/health.grpc.pb.h"
 
 namespace sightline {
 namespace {
@@ -25,7 +25,8 @@ Result<ChannelCredentials> credentials_for(const HealthAddress& where) {
   options.set_check_call_host(false);
   options.set_certificate_verifier(std::make_shared<grpc::experimental::NoOpCertificateVerifier>());
   if (!where.certificate.empty()) {
-    Result<std::string> certificate = read_small_file(where.certificate, "--tls-cert"), key = read_small_file(where.key, "--tls-key");
+    Result<std::string> certificate = read_small_file(where.certificate, "--tls-cert"),
+                        key = read_small_file(where.key, "--tls-key");
     if (!certificate) return tl::unexpected(std::move(certificate.error()));
     if (!key) return tl::unexpected(std::move(key.error()));
     options.set_certificate_provider(std::make_shared<grpc::experimental::StaticDataCertificateProvider>(
@@ -64,7 +65,8 @@ int check_health(const HealthAddress& where, const std::string& service, std::os
     out << address << ": " << service << " is SERVING\n";
     return 0;
   }
-  err << address << ": " << service << " is " << health::HealthCheckResponse::ServingStatus_Name(response.status()) << '\n';
+  err << address << ": " << service << " is " << health::HealthCheckResponse::ServingStatus_Name(response.status())
+      << '\n';
   return 1;
 }
 

@@ -30,17 +30,17 @@
 #include "server/health_check.h"
 #include "server/metrics/operator_pages.h"
 #include "server/preparation.h"
+#include "server/record/recorder.h"
+#include "server/sample/embree_sampler.h"
+#include "server/sample/sampler_choice.h"
 #include "server/service/last_resort.h"
 #include "server/service/listener.h"
-#include "server/record/recorder.h"
-#include "server/service/server_info.h"
 #include "server/service/self_test.h"
+#include "server/service/server_info.h"
 #include "server/service/service.h"
 #include "server/service/watchdog.h"
 #include "server/service_manager.h"
 #include "server/signals.h"
-#include "server/sample/embree_sampler.h"
-#include "server/sample/sampler_choice.h"
 
 namespace sightline {
 namespace {
@@ -50,14 +50,15 @@ using std::chrono::steady_clock;
 
 // One event loop moves about 20,000 ticks a second, which is more than eight threads can step.
 constexpr unsigned kThreadsPerLoop = 8;
-// More than one, since one client has at most all but one: others can open sessions, and small files can be read, while its large ones are.
+// More than one, since one client has at most all but one: others can open sessions, and small files can be read, while
+// its large ones are.
 constexpr unsigned kLoaderThreads = 3, kUploaderThreads = 2;
 // Steps and openings come before uploads, which can wait.
 constexpr int kUploaderNiceness = 5;
 // Time that open calls get to end after the sessions were closed.
 constexpr milliseconds kStopGrace{500};
-// Time from then on until all parts of the daemon have ended. Together with LastResort::kRescueTime and the default of --drain-s it is less than what
-// systemd and Compose allow (15 s).
+// Time from then on until all parts of the daemon have ended. Together with LastResort::kRescueTime and the default of
+// --drain-s it is less than what systemd and Compose allow (15 s).
 constexpr std::chrono::seconds kLongestEnd{4};
 // How often the end of the sessions is checked while the server drains.
 constexpr milliseconds kDrainPoll{10};
@@ -70,8 +71,9 @@ constexpr rlim_t kDescriptorsWanted = 65'536;
 constexpr std::chrono::seconds kTidyPeriod{10};
 // How soon changed credentials are looked at again that have not settled yet.
 constexpr milliseconds kSettlePoll{250};
-// Larger blocks, such as the largest messages, come straight from the system and go straight back. Without a fixed size the allocator learns from the
-// first large message to keep several megabytes for each thread, which malloc_trim does not give back.
+// Larger blocks, such as the largest messages, come straight from the system and go straight back. Without a fixed size
+// the allocator learns from the first large message to keep several megabytes for each thread, which malloc_trim does
+// not give back.
 constexpr int kLargeBlock = 1 << 20;
 // From which amount on memory is given back.
 constexpr size_t kWorthTrimming = size_t{4} << 20;
@@ -166,8 +168,7 @@ RecordSettings record_settings(const Flags& flags) {
 
 void log_warning(const Log& log, const RecordWarning& warning) {
   const Log::Field session{"session", warning.session_id}, reason{"reason", warning.text};
-  warning.over ? log.info("recording recovered", {session, reason})
-               : log.warn("recording degraded", {session, reason});
+  warning.over ? log.info("recording recovered", {session, reason}) : log.warn("recording degraded", {session, reason});
 }
 
 // The recording of sessions. All recorders must be gone before it is destroyed, which completes the files.
@@ -244,7 +245,8 @@ void give_memory_back() {
 }
 
 void warn_of_exposed(const Credentials& credentials, const Log& log) {
-  for (const std::string& exposed : credentials.exposed()) log.warn("credentials exposed", {{"file", exposed}, {"advice", kExposedAdvice}});
+  for (const std::string& exposed : credentials.exposed())
+    log.warn("credentials exposed", {{"file", exposed}, {"advice", kExposedAdvice}});
 }
 
 // Takes over the credentials that have changed, and ends the sessions of those who may no longer speak.
@@ -253,19 +255,22 @@ void read_credentials_again(Credentials& credentials, StreamRegistry& streams, c
   if (!changes.empty()) warn_of_exposed(credentials, log);
   for (const Credentials::Change& change : changes) {
     if (change.trouble)
-      log.error("credentials refused", {{"what", change.what}, {"reason", to_string(*change.trouble)}, {"advice", "the former ones stay in use"}});
+      log.error(
+          "credentials refused",
+          {{"what", change.what}, {"reason", to_string(*change.trouble)}, {"advice", "the former ones stay in use"}});
     else
       log.info("credentials taken over", {{"what", change.what}});
   }
-  const size_t ended = streams.end_unless([&](const std::string& client) { return credentials.access().still_controls(client); },
-                                          {grpc::StatusCode::UNAUTHENTICATED, "this caller may no longer have a session"});
-  if (ended > 0) log.info("sessions ended", {{"sessions", std::to_string(ended)}, {"reason", "their callers are no longer in the access file"}});
+  const size_t ended = streams.end_unless(
+      [&](const std::string& client) { return credentials.access().still_controls(client); },
+      {grpc::StatusCode::UNAUTHENTICATED, "this caller may no longer have a session"});
+  if (ended > 0)
+    log.info("sessions ended",
+             {{"sessions", std::to_string(ended)}, {"reason", "their callers are no longer in the access file"}});
 }
 
 // A running daemon does not end because there is no memory to read a file again. It is tried again later.
-void without_ending(const Log& log, const std::function<void()>& work) try {
-  work();
-} catch (const std::bad_alloc&) {
+void without_ending(const Log& log, const std::function<void()>& work) try { work(); } catch (const std::bad_alloc&) {
   log.error("not read again", {{"reason", "out of memory"}});
 }
 
@@ -274,9 +279,10 @@ timespec timespec_of(std::chrono::nanoseconds time) {
   return {whole.count(), (time - whole).count()};
 }
 
-// Returns when the daemon is to stop. SIGHUP calls `read_again`; the others do nothing. `tidy_up` is called after the pause that one of the two last
-// asked for, however many signals come in between.
-void wait_for_stop_signal(const Log& log, const std::function<milliseconds()>& tidy_up, const std::function<milliseconds()>& read_again) {
+// Returns when the daemon is to stop. SIGHUP calls `read_again`; the others do nothing. `tidy_up` is called after the
+// pause that one of the two last asked for, however many signals come in between.
+void wait_for_stop_signal(const Log& log, const std::function<milliseconds()>& tidy_up,
+                          const std::function<milliseconds()>& read_again) {
   const sigset_t signals = awaited_signals();
   steady_clock::time_point due = steady_clock::now() + kTidyPeriod;
   for (;;) {
@@ -314,13 +320,15 @@ bool signalled_again() {
 }
 
 WorkLimit::Rules load_rules(const Flags& flags) {
-  return {.most_ns = std::llround(flags.max_load_s * 1e9), .refusal = "takes more processor time to load than is allowed (--max-load-s)"};
+  return {.most_ns = std::llround(flags.max_load_s * 1e9),
+          .refusal = "takes more processor time to load than is allowed (--max-load-s)"};
 }
 
 // How often the watchdog looks.
 constexpr Watchdog::Seconds kWatchPeriod{1.0};
 
-std::vector<Watchdog::Watched> watched_threads(const Listener& listener, const Timers& timers, const Scheduler& scheduler) {
+std::vector<Watchdog::Watched> watched_threads(const Listener& listener, const Timers& timers,
+                                               const Scheduler& scheduler) {
   return {{"event loop", [&] { return listener.loops_silent(); }},
           {"timers", [&] { return timers.late(); }},
           {"gate", [&] { return listener.gate_silent(); }},
@@ -339,7 +347,8 @@ void tell_health(DaemonState& state, Listener& listener, const std::vector<std::
     log.error("threads hang", {{"threads", joined(hanging, ", ")}});
 }
 
-// The address of a daemon with these flags, for a client on the same host. Through the unix socket, nothing has to be encrypted.
+// The address of a daemon with these flags, for a client on the same host. Through the unix socket, nothing has to be
+// encrypted.
 std::string local_address(const Flags& flags) {
   if (!flags.listen_unix.empty()) return "unix:" + flags.listen_unix;
   const size_t colon = flags.listen.rfind(':');
@@ -359,7 +368,8 @@ HealthAddress health_address(const CheckHealth& check) {
   return where;
 }
 
-void drain(DaemonState& state, Listener& listener, CameraControlService& service, StreamRegistry& streams, double drain_s, const Log& log) {
+void drain(DaemonState& state, Listener& listener, CameraControlService& service, StreamRegistry& streams,
+           double drain_s, const Log& log) {
   state.enter(DaemonState::Phase::kStopping);
   notify_stopping();
   listener.set_serving(false);
@@ -368,8 +378,7 @@ void drain(DaemonState& state, Listener& listener, CameraControlService& service
   const auto deadline = steady_clock::now() + std::chrono::duration<double>(drain_s);
   while (streams.size() > 0 && steady_clock::now() < deadline && !signalled_again()) {
   }
-  if (streams.size() > 0)
-    log.warn("sessions were still open", {{"sessions", std::to_string(streams.size())}});
+  if (streams.size() > 0) log.warn("sessions were still open", {{"sessions", std::to_string(streams.size())}});
   streams.end_all({grpc::StatusCode::UNAVAILABLE, "the server stopped"});
 }
 
@@ -411,7 +420,8 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
                                 .wall_ns = wall_ns};
   const SessionLimits session_limits{.session_bytes = flags.session_memory_mib << 20,
                                      .max_step_cost_ms = flags.max_step_cost_ms};
-  InstanceMemory instance_memory(flags.sessions_memory_mib << 20, share_of_one(flags.client_memory_mib << 20, flags.sessions_memory_mib << 20));
+  InstanceMemory instance_memory(flags.sessions_memory_mib << 20,
+                                 share_of_one(flags.client_memory_mib << 20, flags.sessions_memory_mib << 20));
   GltfLimits gltf = GltfLimits::within(flags.geometry_memory_mib << 20);
   gltf.instances_flag = "--session-memory-mib";
   gltf.memory_flag = "--geometry-memory-mib";
@@ -421,30 +431,48 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   SceneLibrary scenes(flags.scene_dir, gltf, geometry, recording != nullptr, flags.kept_uploads_mib << 20,
                       share_of_one(flags.client_scenes_memory_mib << 20, flags.geometry_memory_mib << 20));
   StreamRegistry streams(flags.max_sessions, share_of_one(flags.max_sessions_per_client, flags.max_sessions));
-  Scheduler scheduler(flags.threads > 0 ? flags.threads : static_cast<unsigned>(cpu_budget()), sampler,
-                     monotonic_ns);
+  Scheduler scheduler(flags.threads > 0 ? flags.threads : static_cast<unsigned>(cpu_budget()), sampler, monotonic_ns);
   WorkerPool loaders(kLoaderThreads);  // destroyed before the scheduler, which its last tasks may still use
   WorkerPool uploaders(kUploaderThreads, kUploaderNiceness);
   const BudgetRules budget = budget_rules(flags);
   FairShares shares(scheduler.threads() * budget.largest_share);
   StepStats stats;
-  const ServiceParts parts{scenes, geometry, extents, sampler, scheduler, loaders, uploaders, streams, shares, stats, log,
-                           monotonic_ns, start_name(), prepared->chosen.reason, budget, recorded, session_limits, &instance_memory, &credentials, load_rules(flags)};
+  const ServiceParts parts{scenes,
+                           geometry,
+                           extents,
+                           sampler,
+                           scheduler,
+                           loaders,
+                           uploaders,
+                           streams,
+                           shares,
+                           stats,
+                           log,
+                           monotonic_ns,
+                           start_name(),
+                           prepared->chosen.reason,
+                           budget,
+                           recorded,
+                           session_limits,
+                           &instance_memory,
+                           &credentials,
+                           load_rules(flags)};
   if (const Status well = compute_first_step(parts); !well)
     return failed_to_start(log, well.error(), "no step can be computed on this device; try another --sampler");
   DaemonState state;
   CameraControlService service(parts, service_limits(flags));
   service.tell_ready_by([&state] { return state.ready(); });
   const auto listener = Listener::start(listen_options(flags, scheduler.threads(), credentials, log), service);
-  if (!listener)
-    return failed_to_start(log, listener.error(), "choose another address, or stop what uses it");
+  if (!listener) return failed_to_start(log, listener.error(), "choose another address, or stop what uses it");
 
-  std::optional<Watchdog> watchdog(std::in_place, watched_threads(**listener, service.timers(), scheduler), Watchdog::Seconds(flags.stall_s), kWatchPeriod,
+  std::optional<Watchdog> watchdog(std::in_place, watched_threads(**listener, service.timers(), scheduler),
+                                   Watchdog::Seconds(flags.stall_s), kWatchPeriod,
                                    [&](const auto& hanging) { tell_health(state, **listener, hanging, log); });
   std::unique_ptr<HttpPort> operators;
   if (flags.metrics_listen != "none") {
-    auto port = HttpPort::start(flags.metrics_listen, "--metrics-listen",
-                                operator_pages({parts, state, [&] { return (*listener)->connections(); }, context_losses}));
+    auto port = HttpPort::start(
+        flags.metrics_listen, "--metrics-listen",
+        operator_pages({parts, state, [&] { return (*listener)->connections(); }, context_losses}));
     if (!port) return failed_to_start(log, port.error(), "choose another address, or stop what uses it");
     operators = std::move(*port);
   }
@@ -452,8 +480,7 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   notify_ready();
 
   const ReadyFile ready(flags.ready_file);
-  if (!ready.write(joined((*listener)->addresses(), "\n")))
-    log.error("cannot write", {{"file", flags.ready_file}});
+  if (!ready.write(joined((*listener)->addresses(), "\n"))) log.error("cannot write", {{"file", flags.ready_file}});
   log.info("ready", {{"version", kVersion},
                      {"listen", joined((*listener)->addresses(), " ")},
                      {"tls", credentials.tls() ? "yes" : "no"},
@@ -481,7 +508,9 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
     log.error("ending by force", {{"reason", "a thread of the daemon does not end"}});
     if (recording) recording->complete();
   };
-  last_resort->arm(std::chrono::duration_cast<LastResort::Duration>(std::chrono::duration<double>(flags.drain_s)) + kLongestEnd, rescue);
+  last_resort->arm(
+      std::chrono::duration_cast<LastResort::Duration>(std::chrono::duration<double>(flags.drain_s)) + kLongestEnd,
+      rescue);
   ready.remove();
   drain(state, **listener, service, streams, flags.drain_s, log);
   last_resort->arm(kLongestEnd, rescue);
@@ -502,7 +531,8 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
 int serve_or_explain(const Flags& flags, const Log& log, const std::function<Command()>& parse_again) try {
   return serve(flags, log, parse_again);
 } catch (const std::bad_alloc&) {
-  log.error("cannot go on", {{"reason", "out of memory"}, {"advice", "raise the limit of the process or the container"}});
+  log.error("cannot go on",
+            {{"reason", "out of memory"}, {"advice", "raise the limit of the process or the container"}});
   return EXIT_FAILURE;
 } catch (const std::system_error& trouble) {
   log.error("cannot go on", {{"reason", trouble.what()}, {"advice", "raise the limits of threads and memory"}});
@@ -532,7 +562,8 @@ int main(int argc, char** argv) {
   if (const auto* exit = std::get_if<Exit>(&command)) return exit->code;
   if (const auto* demo = std::get_if<BecomeDemo>(&command)) return become_demo(demo->arguments);
   prepare_process();
-  if (const auto* report = std::get_if<ReportDevices>(&command)) return report_devices(report->flags.sampler, egl_options(report->flags), report->json);
+  if (const auto* report = std::get_if<ReportDevices>(&command))
+    return report_devices(report->flags.sampler, egl_options(report->flags), report->json);
   if (const auto* check = std::get_if<CheckHealth>(&command))
     return check_health(health_address(*check), check->alive ? "liveness" : "readiness", std::cout, std::cerr);
   if (const auto* check = std::get_if<CheckConfig>(&command)) return check_configuration(check->flags);

@@ -15,8 +15,8 @@ namespace {
 // What a start takes, with room to load scenes; and what each stepping thread adds, with those of the libraries.
 constexpr size_t kAddressSpace = size_t{1} << 30, kAddressSpaceOfThread = size_t{160} << 20;
 
-// Libraries end the process without a word when they get no memory or no thread at the start, so that is tried out before. The
-// stacks and heaps of threads take address space, which `ulimit -v` limits, rather than memory.
+// Libraries end the process without a word when they get no memory or no thread at the start, so that is tried out
+// before. The stacks and heaps of threads take address space, which `ulimit -v` limits, rather than memory.
 Status try_address_space(const Flags& flags) {
   const size_t threads = flags.threads > 0 ? flags.threads : static_cast<size_t>(cpu_budget());
   const size_t bytes = kAddressSpace + threads * kAddressSpaceOfThread;
@@ -57,15 +57,20 @@ ListenOptions listen_addresses(const Flags& flags, const Credentials& credential
 }
 
 tl::expected<Preparation, StartTrouble> prepare(const Flags& flags) {
-  const auto trouble = [](Error error, const char* advice) { return tl::unexpected(StartTrouble{std::move(error), advice}); };
-  if (Status space = try_address_space(flags); !space) return trouble(std::move(space.error()), "raise `ulimit -v`, or lower --threads");
+  const auto trouble = [](Error error, const char* advice) {
+    return tl::unexpected(StartTrouble{std::move(error), advice});
+  };
+  if (Status space = try_address_space(flags); !space)
+    return trouble(std::move(space.error()), "raise `ulimit -v`, or lower --threads");
   Preparation made;
   auto credentials = Credentials::load(credential_files(flags));
   if (!credentials) return trouble(std::move(credentials.error()), "deploy/SECURITY.md describes the files");
   made.credentials = std::move(*credentials);
   if (Status addresses = check_addresses(flags, *made.credentials); !addresses)
-    return trouble(std::move(addresses.error()), "choose another address; deploy/SECURITY.md says what one that others reach needs");
-  auto chosen = choose_sampler_device(flags.sampler, egl_options(flags), 1, std::chrono::nanoseconds(std::llround(flags.max_maps_ms * 1e6)));
+    return trouble(std::move(addresses.error()),
+                   "choose another address; deploy/SECURITY.md says what one that others reach needs");
+  auto chosen = choose_sampler_device(flags.sampler, egl_options(flags), 1,
+                                      std::chrono::nanoseconds(std::llround(flags.max_maps_ms * 1e6)));
   if (!chosen) return trouble(std::move(chosen.error()), "see `sightlined devices`; --sampler embree needs no OpenGL");
   made.chosen = std::move(*chosen);
   if (flags.fault.kind == FaultKind::kNone) return made;
@@ -82,7 +87,8 @@ int check_configuration(const Flags& flags) {
     std::cerr << to_string(made.error().error) << "\nThe daemon would not start: " << made.error().advice << ".\n";
     return kNotValid;
   }
-  for (const std::string& exposed : made->credentials->exposed()) std::cerr << "warning: " << exposed << ": " << kExposedAdvice << '\n';
+  for (const std::string& exposed : made->credentials->exposed())
+    std::cerr << "warning: " << exposed << ": " << kExposedAdvice << '\n';
   std::cout << "the configuration is valid\n";
   return 0;
 }

@@ -1,4 +1,5 @@
-// What the daemon makes of its flags before it listens. The start and --check-config both do it, so that they judge alike.
+// What the daemon makes of its flags before it listens. The start and --check-config both do it, so that they judge
+// alike.
 #pragma once
 
 #include <memory>
@@ -25,8 +26,9 @@ struct StartTrouble {
   std::string advice;
 };
 
-// Fails where the daemon cannot start with these flags on this machine: too little address space, files that cannot be used, addresses that are
-// not valid or may not be opened to a network, no such device. It takes no address, so it does not see that one is in use.
+// Fails where the daemon cannot start with these flags on this machine: too little address space, files that cannot be
+// used, addresses that are not valid or may not be opened to a network, no such device. It takes no address, so it does
+// not see that one is in use.
 tl::expected<Preparation, StartTrouble> prepare(const Flags& flags);
 
 // Prints whether the daemon can start with these flags, and what it would warn of. Returns the exit status: 0 or 2.

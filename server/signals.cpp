@@ -16,7 +16,8 @@ constexpr int kMostSignals = 64;
 
 bool left_to_others(int signal) {
   struct sigaction now {};
-  return ::sigaction(signal, nullptr, &now) != 0 || (now.sa_flags & SA_SIGINFO) != 0 || (now.sa_handler != SIG_DFL && now.sa_handler != SIG_IGN);
+  return ::sigaction(signal, nullptr, &now) != 0 || (now.sa_flags & SA_SIGINFO) != 0 ||
+         (now.sa_handler != SIG_DFL && now.sa_handler != SIG_IGN);
 }
 
 // Text of a bounded length, made without memory or locks: a signal handler may use it.
@@ -49,13 +50,20 @@ void add_time(Line& line) {
   const auto day = floor<days>(now);
   const year_month_day date(day);
   const hh_mm_ss time(now - day);
-  line.add(static_cast<unsigned>(static_cast<int>(date.year())), 4).add("-").add(static_cast<unsigned>(date.month()), 2).add("-");
+  line.add(static_cast<unsigned>(static_cast<int>(date.year())), 4)
+      .add("-")
+      .add(static_cast<unsigned>(date.month()), 2)
+      .add("-");
   line.add(static_cast<unsigned>(date.day()), 2).add("T").add(static_cast<unsigned>(time.hours().count()), 2).add(":");
-  line.add(static_cast<unsigned>(time.minutes().count()), 2).add(":").add(static_cast<unsigned>(time.seconds().count()), 2).add(".");
+  line.add(static_cast<unsigned>(time.minutes().count()), 2)
+      .add(":")
+      .add(static_cast<unsigned>(time.seconds().count()), 2)
+      .add(".");
   line.add(static_cast<unsigned>(time.subseconds().count()), 3).add("Z");
 }
 
-// The system's own handler, which may leave a core, is back when this one ends (SA_RESETHAND), and gets the signal again.
+// The system's own handler, which may leave a core, is back when this one ends (SA_RESETHAND), and gets the signal
+// again.
 template <LogFormat format>
 void last_words(int signal) {
   const char* const name = ::sigabbrev_np(signal);
@@ -63,7 +71,9 @@ void last_words(int signal) {
   if (format == LogFormat::kJson) {
     line.add("{\"time\":\"");
     add_time(line);
-    line.add("\",\"level\":\"error\",\"message\":\"the process ends\",\"signal\":\"SIG").add(name ? name : "?").add("\"}\n");
+    line.add("\",\"level\":\"error\",\"message\":\"the process ends\",\"signal\":\"SIG")
+        .add(name ? name : "?")
+        .add("\"}\n");
   } else {
     add_time(line);
     line.add(" error the process ends signal=SIG").add(name ? name : "?").add("\n");
@@ -118,7 +128,8 @@ sigset_t awaited_signals() {
   sigemptyset(&signals);
   for (int signal = 1; signal <= kMostSignals; ++signal) {
     const SignalUse use = use_of(signal);
-    const bool ours = use == SignalUse::kStops || use == SignalUse::kReadsAgain || (use == SignalUse::kTold && !left_to_others(signal));
+    const bool ours = use == SignalUse::kStops || use == SignalUse::kReadsAgain ||
+                      (use == SignalUse::kTold && !left_to_others(signal));
     if (ours) sigaddset(&signals, signal);
   }
   return signals;

@@ -24,17 +24,23 @@ std::string without_line_end(std::string text) {
 
 void add_connection_flags(CLI::App& command, ConnectionFlags& flags) {
   command.add_flag("--tls", flags.tls, "Encrypt TCP, for a daemon with --tls-cert");
-  command.add_option("--tls-roots", flags.roots,
-                     "File of the certificates, in PEM format, of which one must have signed the daemon's; implies --tls. Default: those that "
-                     "gRPC knows")
+  command
+      .add_option("--tls-roots", flags.roots,
+                  "File of the certificates, in PEM format, of which one must have signed the daemon's; implies --tls. "
+                  "Default: those that "
+                  "gRPC knows")
       ->type_name("FILE");
-  command.add_option("--tls-cert", flags.certificate,
-                     "File of the certificate, in PEM format, that the daemon sees of this caller; implies --tls. For a daemon with "
-                     "--tls-client-ca")
+  command
+      .add_option("--tls-cert", flags.certificate,
+                  "File of the certificate, in PEM format, that the daemon sees of this caller; implies --tls. For a "
+                  "daemon with "
+                  "--tls-client-ca")
       ->type_name("FILE");
   command.add_option("--tls-key", flags.key, "File of its key, in PEM format")->type_name("FILE");
-  command.add_option("--token-file", flags.token,
-                     "File of the token that the daemon knows this caller by; needs TLS or a unix socket. For a daemon with --access-file")
+  command
+      .add_option("--token-file", flags.token,
+                  "File of the token that the daemon knows this caller by; needs TLS or a unix socket. For a daemon "
+                  "with --access-file")
       ->type_name("FILE");
 }
 

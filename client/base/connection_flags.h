@@ -11,7 +11,8 @@ class App;
 
 namespace sightline {
 
-// Names of files, which are read when the verb runs. The token comes from a file because other users can see the arguments of a process.
+// Names of files, which are read when the verb runs. The token comes from a file because other users can see the
+// arguments of a process.
 struct ConnectionFlags {
   bool tls = false;  // encrypt TCP; one of the next three says so as well
   std::string roots{}, certificate{}, key{};
@@ -20,7 +21,8 @@ struct ConnectionFlags {
 
 void add_connection_flags(CLI::App& command, ConnectionFlags& flags);
 
-// Fails with kUnavailable, and the flag as the field, when a file cannot be read; with kInvalidArgument when a certificate comes without its key.
+// Fails with kUnavailable, and the flag as the field, when a file cannot be read; with kInvalidArgument when a
+// certificate comes without its key.
 Result<ClientCredentials> read_credentials(const ConnectionFlags& flags);
 
 }  // namespace sightline

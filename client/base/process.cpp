@@ -65,8 +65,7 @@ ScratchFolder::~ScratchFolder() {
 }
 
 Result<std::unique_ptr<ChildProcess>> ChildProcess::start(const std::string& program,
-                                                          std::vector<std::string> arguments,
-                                                          const std::string& log) {
+                                                          std::vector<std::string> arguments, const std::string& log) {
   if (access(program.c_str(), X_OK) != 0) return fail(ErrorCode::kNotFound, program, std::strerror(errno));
   arguments.insert(arguments.begin(), program);
   std::vector<char*> argv;

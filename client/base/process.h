@@ -38,16 +38,15 @@ class ScratchFolder {
 class ChildProcess {
  public:
   // Starts the program at the path `program`. Its output goes to the new file `log`.
-  static Result<std::unique_ptr<ChildProcess>> start(const std::string& program,
-                                                     std::vector<std::string> arguments,
+  static Result<std::unique_ptr<ChildProcess>> start(const std::string& program, std::vector<std::string> arguments,
                                                      const std::string& log);
   ~ChildProcess();  // SIGTERM, then SIGKILL after 5 s
   ChildProcess(const ChildProcess&) = delete;
   ChildProcess& operator=(const ChildProcess&) = delete;
 
   pid_t pid() const { return pid_; }
-  // Waits until `file` holds a whole line and returns that line. kUnavailable when the process ends first or `timeout` passes;
-  // the message quotes the end of its log.
+  // Waits until `file` holds a whole line and returns that line. kUnavailable when the process ends first or `timeout`
+  // passes; the message quotes the end of its log.
   Result<std::string> wait_for_line(const std::string& file, std::chrono::nanoseconds timeout);
 
  private:

@@ -27,8 +27,8 @@ std::string utc_text(uint64_t time_ns) {
   const auto seconds = static_cast<std::time_t>(time_ns / 1'000'000'000);
   std::tm utc{};
   if (gmtime_r(&seconds, &utc) == nullptr) return "-";
-  return formatted("%04d-%02d-%02d %02d:%02d:%02d UTC", utc.tm_year + 1900, utc.tm_mon + 1, utc.tm_mday,
-                   utc.tm_hour, utc.tm_min, utc.tm_sec);
+  return formatted("%04d-%02d-%02d %02d:%02d:%02d UTC", utc.tm_year + 1900, utc.tm_mon + 1, utc.tm_mday, utc.tm_hour,
+                   utc.tm_min, utc.tm_sec);
 }
 
 Table::Table(std::vector<Column> columns) : columns_(std::move(columns)) {

@@ -35,17 +35,14 @@ void add_load_flags(CLI::App& bench, BenchOptions& options) {
   bench.add_option("--targets", options.world.targets, "Targets of each session")
       ->check(CLI::Range(size_t{1}, size_t{32}))
       ->capture_default_str();
-  bench
-      .add_option("--moving", options.world.moving, "Boxes that circle in each session, moved by every tick")
+  bench.add_option("--moving", options.world.moving, "Boxes that circle in each session, moved by every tick")
       ->check(CLI::Range(size_t{0}, size_t{100'000}))
       ->capture_default_str();
   bench
       .add_option("--instances", options.world.instances,
                   "All boxes in each session, moving or not (default: --moving)")
       ->check(CLI::Range(size_t{0}, size_t{100'000}));
-  bench
-      .add_option("--scene", options.scene,
-                  "A generated scene by name, or a .glb whose node extras hold the roles")
+  bench.add_option("--scene", options.scene, "A generated scene by name, or a .glb whose node extras hold the roles")
       ->capture_default_str();
   bench.add_option("--seed", options.world.seed, "Seed of the scene, the boxes and the sessions")
       ->capture_default_str();
@@ -59,12 +56,10 @@ void add_settings_flags(CLI::App& bench, BenchOptions& options) {
       .add_option("--settings", options.settings,
                   "JSON over the preset: {\"settings\":{...},\"tuning\":{...}}, see proto/SETTINGS.md")
       ->type_name("JSON");
-  bench.add_option("--resolution", options.resolution, "Side of each depth map, texels")
-      ->check(CLI::Range(2, 64));
+  bench.add_option("--resolution", options.resolution, "Side of each depth map, texels")->check(CLI::Range(2, 64));
   bench.add_option("--candidates", options.candidates, "Approximate number of candidates")
       ->check(CLI::Range(27, 32768));
-  bench.add_option("--points", options.points, "Points sampled on each target in a step")
-      ->check(CLI::Range(0, 16));
+  bench.add_option("--points", options.points, "Points sampled on each target in a step")->check(CLI::Range(0, 16));
 }
 
 void add_daemon_flags(CLI::App& bench, BenchOptions& options) {
@@ -79,26 +74,21 @@ void add_daemon_flags(CLI::App& bench, BenchOptions& options) {
   bench.add_option("--daemon", options.daemon, "Program to start (default: sightlined beside this one)")
       ->excludes(address)
       ->type_name("PATH");
-  bench
-      .add_option("--daemon-flags", options.daemon_flags, "Flags for the started daemon, separated by blanks")
+  bench.add_option("--daemon-flags", options.daemon_flags, "Flags for the started daemon, separated by blanks")
       ->excludes(address)
       ->type_name("TEXT");
   bench
-      .add_flag("--tcp", options.tcp,
-                "The started daemon listens at a TCP port of the loopback, not at a unix socket")
+      .add_flag("--tcp", options.tcp, "The started daemon listens at a TCP port of the loopback, not at a unix socket")
       ->excludes(address);
 }
 
 void add_measuring_flags(CLI::App& bench, BenchOptions& options) {
   bench
-      .add_option(
-          "--echo", options.echo,
-          "host:port or unix:/path of a bare gRPC echo (tests/bench/echo_server) to load in turns with the "
-          "daemon, and to compare with")
+      .add_option("--echo", options.echo,
+                  "host:port or unix:/path of a bare gRPC echo (tests/bench/echo_server) to load in turns with the "
+                  "daemon, and to compare with")
       ->type_name("ADDRESS");
-  bench
-      .add_option("--warm-up", options.warm_up_s,
-                  "Seconds before the first window, rounded up to whole windows")
+  bench.add_option("--warm-up", options.warm_up_s, "Seconds before the first window, rounded up to whole windows")
       ->check(CLI::Range(0.0, 3600.0))
       ->capture_default_str();
   bench.add_option("--window", options.window_s, "Length of a window, seconds")
@@ -109,12 +99,13 @@ void add_measuring_flags(CLI::App& bench, BenchOptions& options) {
   bench.add_option("--max-duration", options.max_duration_s, "Seconds to measure after the warm-up at most")
       ->check(CLI::Range(0.1, 86400.0))
       ->capture_default_str();
-  bench
-      .add_option("--sessions-per-channel", options.sessions_per_channel,
-                  "Sessions that share one connection")
+  bench.add_option("--sessions-per-channel", options.sessions_per_channel, "Sessions that share one connection")
       ->check(CLI::Range(size_t{1}, size_t{1000}))
       ->capture_default_str();
-  bench.add_option("--json", options.json, "File for the result; client/README.md has its fields. - writes it to the standard output instead of the table")
+  bench
+      .add_option("--json", options.json,
+                  "File for the result; client/README.md has its fields. - writes it to the standard output instead of "
+                  "the table")
       ->type_name("FILE");
 }
 

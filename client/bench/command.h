@@ -27,10 +27,10 @@ struct BenchOptions {
   std::optional<uint32_t> resolution, candidates, points;  // over both
 
   // The daemon.
-  std::string address;       // host:port or unix:/path of a running daemon; empty: one is started
+  std::string address;              // host:port or unix:/path of a running daemon; empty: one is started
   ConnectionFlags connection = {};  // to the daemon at `address`
-  pid_t daemon_pid = 0;      // the process at `address`, to watch its CPU time and memory; 0: not watched
-  std::string daemon;        // program to start; empty: sightlined beside `program`
+  pid_t daemon_pid = 0;             // the process at `address`, to watch its CPU time and memory; 0: not watched
+  std::string daemon;               // program to start; empty: sightlined beside `program`
   std::string daemon_flags;  // for it, separated by blanks; it has room for all sessions unless they say otherwise
   bool tcp = false;          // it listens at TCP, not at a unix socket
   std::string program;       // the path of this program
@@ -40,8 +40,8 @@ struct BenchOptions {
   double warm_up_s = 2.0;
   double window_s = 2.0;
   double max_duration_s = 60.0;  // after the warm-up; at least one window is measured
-  bool all_windows = false;  // measure for max_duration_s and report every window, not the first stable ones
-  std::string echo;  // host:port or unix:/path of a bare echo to load in turns with the daemon; empty: none
+  bool all_windows = false;      // measure for max_duration_s and report every window, not the first stable ones
+  std::string echo;              // host:port or unix:/path of a bare echo to load in turns with the daemon; empty: none
 
   std::string json;       // file to write; empty: none
   bool progress = false;  // a bar on `err`

@@ -8,7 +8,8 @@
 namespace sightline {
 namespace {
 
-// How late the kernel may wake a thread in order to wake several at once. Its default of 50 us would be part of every round trip.
+// How late the kernel may wake a thread in order to wake several at once. Its default of 50 us would be part of every
+// round trip.
 constexpr unsigned long kTimerSlackNs = 1'000;
 constexpr std::chrono::milliseconds kLongestSleep{50};  // after which stop() is noticed
 
@@ -50,8 +51,7 @@ void BenchGenerator::stop() {
 
 void BenchGenerator::sleep_until(int64_t due_ns) const {
   const std::chrono::steady_clock::time_point due{std::chrono::nanoseconds(due_ns)};
-  for (auto now = std::chrono::steady_clock::now(); !stopping_ && now < due;
-       now = std::chrono::steady_clock::now())
+  for (auto now = std::chrono::steady_clock::now(); !stopping_ && now < due; now = std::chrono::steady_clock::now())
     std::this_thread::sleep_until(std::min(due, now + kLongestSleep));
 }
 

@@ -12,10 +12,9 @@ namespace sightline {
 
 class BenchGenerator {
  public:
-  // `daemon`: the sessions; `echo`: as many streams to the echo, or none. All must outlive the generator. Starts its thread at
-  // once; due times count from now.
-  BenchGenerator(const BenchSchedule& schedule, std::vector<BenchStream*> daemon,
-                 std::vector<BenchStream*> echo);
+  // `daemon`: the sessions; `echo`: as many streams to the echo, or none. All must outlive the generator. Starts its
+  // thread at once; due times count from now.
+  BenchGenerator(const BenchSchedule& schedule, std::vector<BenchStream*> daemon, std::vector<BenchStream*> echo);
   ~BenchGenerator();  // stops
   BenchGenerator(const BenchGenerator&) = delete;
   BenchGenerator& operator=(const BenchGenerator&) = delete;

@@ -27,8 +27,8 @@ BenchAnswer answer(const v1::CameraReply& camera) {
   return {.kind = BenchAnswer::Kind::kReply,
           .sequence = camera.sequence(),
           .merged = camera.merged_ticks(),
-          .stages_us = {{t.queue_us(), t.scene_us(), t.bound_us(), t.sample_us(), t.aggregate_us(),
-                         t.move_us(), t.total_us()}},
+          .stages_us = {{t.queue_us(), t.scene_us(), t.bound_us(), t.sample_us(), t.aggregate_us(), t.move_us(),
+                         t.total_us()}},
           .degraded = camera.flags().degraded()};
 }
 

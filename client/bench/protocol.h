@@ -1,5 +1,5 @@
-// The protocol of a stream under load: Sightline's Control, or a bare echo of equally long messages. The stream itself moves bytes
-// only, so that the same code drives, times and counts both.
+// The protocol of a stream under load: Sightline's Control, or a bare echo of equally long messages. The stream itself
+// moves bytes only, so that the same code drives, times and counts both.
 #pragma once
 
 #include <grpcpp/support/byte_buffer.h>
@@ -35,8 +35,7 @@ struct BenchAnswer {
 
 struct BenchProtocol {
   std::string method;
-  std::optional<grpc::ByteBuffer>
-      opening;  // the first message; without it, no answer to it is awaited either
+  std::optional<grpc::ByteBuffer> opening;  // the first message; without it, no answer to it is awaited either
   // Writes tick 1, 2, ..., called in that order on one thread.
   std::function<void(uint64_t sequence, grpc::ByteBuffer& message)> write_tick;
   // Reads an answer, on the loop's thread, while write_tick may run on another. May empty `message`.
@@ -49,12 +48,12 @@ BenchProtocol control_protocol(const BenchWorld& world, size_t session, const v1
 struct MessageSizes {
   size_t tick = 0, reply = 0;
 };
-// Sends a bare echo (tests/bench/echo_server.cpp) messages of `sizes().tick` bytes and asks for answers of `sizes().reply` bytes.
-// Neither side uses protobuf. `sizes` is called for every tick.
+// Sends a bare echo (tests/bench/echo_server.cpp) messages of `sizes().tick` bytes and asks for answers of
+// `sizes().reply` bytes. Neither side uses protobuf. `sizes` is called for every tick.
 BenchProtocol echo_protocol(std::function<MessageSizes()> sizes);
 
-// The echo's method, and the first bytes of every message, in the machine's own byte order: both sides run on one machine. The
-// answer repeats the header and has `reply_bytes` bytes, but at least a header.
+// The echo's method, and the first bytes of every message, in the machine's own byte order: both sides run on one
+// machine. The answer repeats the header and has `reply_bytes` bytes, but at least a header.
 inline constexpr const char* kEchoMethod = "/sightline.bench.Echo/Stream";
 struct EchoHeader {
   uint64_t sequence = 0;

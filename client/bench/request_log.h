@@ -30,8 +30,9 @@ class RequestLog {
  public:
   // Sequences must increase.
   void sent(uint64_t sequence, int64_t due_ns, int window);
-  // A reply whose newest tick is `sequence`, and which covers `merged` earlier ticks. Appends every pending tick up to `sequence`
-  // to `settled`, the newest last; those beyond what the reply covers count as lost. Does nothing when the tick is not pending.
+  // A reply whose newest tick is `sequence`, and which covers `merged` earlier ticks. Appends every pending tick up to
+  // `sequence` to `settled`, the newest last; those beyond what the reply covers count as lost. Does nothing when the
+  // tick is not pending.
   void answered(uint64_t sequence, uint32_t merged, std::vector<SettledTick>& settled);
   void tick_error(uint64_t sequence);
   // Counts all pending ticks as lost.

@@ -33,9 +33,7 @@ double per(double value, double count) {
 
 // One figure over several windows.
 Json spread(const std::vector<double>& values) {
-  return {{"median", percentile(values, 0.5)},
-          {"min", percentile(values, 0.0)},
-          {"max", percentile(values, 1.0)}};
+  return {{"median", percentile(values, 0.5)}, {"min", percentile(values, 0.0)}, {"max", percentile(values, 1.0)}};
 }
 
 // The spread of each percentile over the windows; `latencies` returns the latencies of one window.
@@ -68,9 +66,7 @@ Json echo_json(Windows windows) {
   const auto share = [&](const MeasuredWindow& w) {
     return per(p50_of(w.daemon, BenchMetric::kRoundTrip), floor_us(w));
   };
-  const auto of = [](BenchMetric metric) {
-    return [=](const MeasuredWindow& w) { return w.echo->of(metric); };
-  };
+  const auto of = [](BenchMetric metric) { return [=](const MeasuredWindow& w) { return w.echo->of(metric); }; };
   return {{"round_trip_us", figures(windows, of(BenchMetric::kRoundTrip))},
           {"send_us", figures(windows, of(BenchMetric::kSend))},
           {"floor_us", spread(each(windows, floor_us))},
@@ -93,10 +89,7 @@ Json windows_json(Windows windows, double window_s) {
     return relative_range(
         each(windows, [p](const auto& w) { return percentile(w.daemon.of(BenchMetric::kRoundTrip), p); }));
   };
-  return {{"reported", windows.size()},
-          {"seconds", window_s},
-          {"p50_range", range(0.5)},
-          {"p99_range", range(0.99)}};
+  return {{"reported", windows.size()}, {"seconds", window_s}, {"p50_range", range(0.5)}, {"p99_range", range(0.99)}};
 }
 
 Json service_json(Windows windows, double window_s, size_t sessions) {
@@ -104,8 +97,7 @@ Json service_json(Windows windows, double window_s, size_t sessions) {
   std::vector<double> served_hz;
   for (size_t i = 0; i < sessions; ++i)
     served_hz.push_back(per(sum(windows, [i](const auto& w) { return w.replies_by_session[i]; }), seconds));
-  return {{"achieved_hz",
-           per(std::accumulate(served_hz.begin(), served_hz.end(), 0.0), static_cast<double>(sessions))},
+  return {{"achieved_hz", per(std::accumulate(served_hz.begin(), served_hz.end(), 0.0), static_cast<double>(sessions))},
           {"least_served_hz", percentile(served_hz, 0.0)},
           {"most_served_hz", percentile(served_hz, 1.0)},
           {"late_share", late_share(windows)},
@@ -120,10 +112,8 @@ Json bytes_json(Windows windows) {
 }
 
 Json cpu_json(Windows windows) {
-  const bool watched =
-      std::all_of(windows.begin(), windows.end(), [](const auto& w) { return w.daemon_cpu_us; });
-  return {{"daemon",
-           watched ? spread(each(windows, [](const auto& w) { return *w.daemon_cpu_us; })) : Json(nullptr)},
+  const bool watched = std::all_of(windows.begin(), windows.end(), [](const auto& w) { return w.daemon_cpu_us; });
+  return {{"daemon", watched ? spread(each(windows, [](const auto& w) { return *w.daemon_cpu_us; })) : Json(nullptr)},
           {"generator", spread(each(windows, [](const auto& w) { return w.generator_cpu_us; }))}};
 }
 
@@ -131,9 +121,7 @@ Json cpu_json(Windows windows) {
 
 // About three significant digits.
 std::string micros(double us) {
-  return us < 100.0 ? formatted("%.1f us", us)
-         : us < 1e4 ? formatted("%.0f us", us)
-                    : formatted("%.1f ms", us / 1e3);
+  return us < 100.0 ? formatted("%.1f us", us) : us < 1e4 ? formatted("%.0f us", us) : formatted("%.1f ms", us / 1e3);
 }
 
 std::string median(const Json& spread) {
@@ -145,13 +133,8 @@ std::string range(const Json& spread) {
 }
 
 void print_latencies(const Json& latencies, std::ostream& out) {
-  Table table({{""},
-               {"p50", true},
-               {"p90", true},
-               {"p99", true},
-               {"p99.9", true},
-               {"max", true},
-               {"p50 of the windows"}});
+  Table table(
+      {{""}, {"p50", true}, {"p90", true}, {"p99", true}, {"p99.9", true}, {"max", true}, {"p50 of the windows"}});
   for (const auto& [name, m] : latencies.items()) {
     std::vector<std::string> cells{name};
     for (const char* part : {"p50", "p90", "p99", "p99_9", "max"})
@@ -172,24 +155,20 @@ void print_service(const Json& result, std::ostream& out) {
       << formatted("late          %.2f %% of the ticks took longer than the tick interval of %.1f ms\n",
                    100 * number(service["late_share"]), 1e3 / rate_hz)
       << formatted("degraded      %.2f %% of the replies\n", 100 * number(service["degraded_share"]))
-      << "whole run     " << ticks["sent"] << " ticks sent: " << ticks["answered"] << " answered, "
-      << ticks["merged"] << " merged, " << ticks["rejected"] << " rejected, " << ticks["lost"] << " lost\n"
-      << formatted("messages      tick %.0f bytes, reply %.0f bytes\n", number(bytes["tick"]),
-                   number(bytes["reply"]));
+      << "whole run     " << ticks["sent"] << " ticks sent: " << ticks["answered"] << " answered, " << ticks["merged"]
+      << " merged, " << ticks["rejected"] << " rejected, " << ticks["lost"] << " lost\n"
+      << formatted("messages      tick %.0f bytes, reply %.0f bytes\n", number(bytes["tick"]), number(bytes["reply"]));
   if (result["trouble"] != "") out << "trouble       " << result["trouble"].get<std::string>() << '\n';
 }
 
 void print_costs(const Json& result, std::ostream& out) {
   const Json &cpu = result["cpu_us_per_tick"], &memory = result["daemon_memory"];
-  out << "CPU a tick    daemon " << (cpu["daemon"].is_null() ? "not watched" : median(cpu["daemon"]))
-      << ", generator " << median(cpu["generator"]) << '\n';
+  out << "CPU a tick    daemon " << (cpu["daemon"].is_null() ? "not watched" : median(cpu["daemon"])) << ", generator "
+      << median(cpu["generator"]) << '\n';
   if (memory.is_null()) return;
-  const auto mebibytes = [](const Json& bytes) {
-    return formatted("%.1f MiB", bytes.get<double>() / (1 << 20));
-  };
-  out << "daemon memory " << mebibytes(memory["start_bytes"]) << " at first, "
-      << mebibytes(memory["scene_bytes"]) << " with scene and one session, "
-      << mebibytes(memory["sessions_bytes"]) << " with all";
+  const auto mebibytes = [](const Json& bytes) { return formatted("%.1f MiB", bytes.get<double>() / (1 << 20)); };
+  out << "daemon memory " << mebibytes(memory["start_bytes"]) << " at first, " << mebibytes(memory["scene_bytes"])
+      << " with scene and one session, " << mebibytes(memory["sessions_bytes"]) << " with all";
   if (const Json& own = memory["per_session_bytes"]; !own.is_null())
     out << "; " << mebibytes(own) << " a further session";
   out << '\n';
@@ -200,10 +179,9 @@ void print_echo(const Json& result, std::ostream& out) {
   if (echo.is_null()) return;
   const Json &own = echo["round_trip_us"], &share = echo["share"];
   const double middle = share["median"], least = share["min"], most = share["max"];
-  out << "echo          p50 " << median(own["p50"]) << " (" << range(own["p50"]) << "), p99 "
-      << median(own["p99"]) << "\nagainst echo  round trip p50 "
-      << median(result["latency_us"]["round_trip"]["p50"]) << ", echo p50 + step p50 "
-      << median(echo["floor_us"])
+  out << "echo          p50 " << median(own["p50"]) << " (" << range(own["p50"]) << "), p99 " << median(own["p99"])
+      << "\nagainst echo  round trip p50 " << median(result["latency_us"]["round_trip"]["p50"])
+      << ", echo p50 + step p50 " << median(echo["floor_us"])
       << formatted(": %.2f x (%.2f .. %.2f), %s the %.2f x that is wanted\n", middle, least, most,
                    middle <= kAllowedOverFloor ? "within" : "over", kAllowedOverFloor);
 }
@@ -249,10 +227,9 @@ bool are_stable(std::span<const Quantiles> round_trips) {
 BenchJson summarize(std::span<const MeasuredWindow> windows, const BenchJson& load) {
   Json latencies;
   for (size_t metric = 0; metric < kBenchMetrics; ++metric)
-    latencies[std::string(kBenchMetricNames[metric])] =
-        figures(windows, [&](const MeasuredWindow& w) { return w.daemon.us[metric]; });
-  const bool echoed =
-      std::all_of(windows.begin(), windows.end(), [](const auto& w) { return w.echo.has_value(); });
+    latencies[std::string(kBenchMetricNames[metric])] = figures(
+        windows, [&](const MeasuredWindow& w) { return w.daemon.us[metric]; });
+  const bool echoed = std::all_of(windows.begin(), windows.end(), [](const auto& w) { return w.echo.has_value(); });
   const double window_s = load["window_s"];
   return {{"load", load},
           {"windows", windows_json(windows, window_s)},
@@ -271,12 +248,12 @@ void print_bench(const BenchJson& result, std::ostream& out) {
     return load[field].dump().append(" ").append(noun).append(load[field] == 1 ? "" : "s");
   };
   out << count("sessions", "session") << " at " << formatted("%g Hz, ", load["rate_hz"].get<double>())
-      << load["targets"] << " targets, " << load["moving"] << " moving of " << load["instances"]
-      << " instances, " << load["triangles"] << " triangles, sampler " << text("sampler") << ", "
-      << count("channels", "channel") << " to " << text("address") << '\n'
-      << (result["stable"] ? "stable: " : "NOT STABLE: ") << windows["reported"] << " windows of "
-      << windows["seconds"] << " s, of " << windows["seen"] << " seen; their p50 lie "
-      << percent(windows["p50_range"]) << ", their p99 " << percent(windows["p99_range"]) << " apart\n\n";
+      << load["targets"] << " targets, " << load["moving"] << " moving of " << load["instances"] << " instances, "
+      << load["triangles"] << " triangles, sampler " << text("sampler") << ", " << count("channels", "channel")
+      << " to " << text("address") << '\n'
+      << (result["stable"] ? "stable: " : "NOT STABLE: ") << windows["reported"] << " windows of " << windows["seconds"]
+      << " s, of " << windows["seen"] << " seen; their p50 lie " << percent(windows["p50_range"]) << ", their p99 "
+      << percent(windows["p99_range"]) << " apart\n\n";
   print_latencies(result["latency_us"], out);
   out << '\n';
   print_service(result, out);

@@ -62,16 +62,16 @@ Quantiles quantiles_of(const std::vector<double>& values);
 // (greatest - least) / least; infinite when only the least is 0, 0 without values.
 double relative_range(const std::vector<double>& values);
 
-// Windows are stable when the last kStableWindows agree: their p50 lie within 10 % and their p99 within 30 % (relative_range).
-// Fewer windows, or one without any value, are not stable.
+// Windows are stable when the last kStableWindows agree: their p50 lie within 10 % and their p99 within 30 %
+// (relative_range). Fewer windows, or one without any value, are not stable.
 inline constexpr size_t kStableWindows = 3;
 bool are_stable(std::span<const Quantiles> round_trips);
 
 // A round trip should take at most this many times the echo's round trip and the step together.
 inline constexpr double kAllowedOverFloor = 1.2;
 
-// The figures of the reported windows; client/README.md lists the fields. `load` says what ran and has the fields `sessions`,
-// `rate_hz` and `window_s`, among others.
+// The figures of the reported windows; client/README.md lists the fields. `load` says what ran and has the fields
+// `sessions`, `rate_hz` and `window_s`, among others.
 using BenchJson = nlohmann::ordered_json;
 BenchJson summarize(std::span<const MeasuredWindow> windows, const BenchJson& load);
 

@@ -9,11 +9,11 @@
 #include <sstream>
 #include <thread>
 
-#include "client/bench/command.h"
-#include "client/bench/generator.h"
 #include "client/base/process.h"
 #include "client/base/progress_bar.h"
 #include "client/base/wire_presets.h"
+#include "client/bench/command.h"
+#include "client/bench/generator.h"
 #include "client/cpp/session_stream.h"
 #include "client/cpp/sightline_client.h"
 #include "scenes/catalog.h"
@@ -41,8 +41,7 @@ Result<std::vector<std::byte>> scene_bytes(const BenchOptions& options) {
     return entry->make({.seed = options.world.seed});
   std::error_code trouble;
   if (std::filesystem::is_regular_file(options.scene, trouble)) return read_whole_file(options.scene, SIZE_MAX);
-  return fail(ErrorCode::kNotFound, "scene",
-              "\"" + options.scene + "\" is neither a generated scene nor a file");
+  return fail(ErrorCode::kNotFound, "scene", "\"" + options.scene + "\" is neither a generated scene nor a file");
 }
 
 Result<v1::OpenSession> settings_of(const BenchOptions& options) {
@@ -127,8 +126,7 @@ class Bench {
     bar_.show("daemon", 0, 1);
     if (scratch_.path().empty()) return fail(ErrorCode::kUnavailable, "", "no temporary folder can be made");
     const std::filesystem::path folder = scratch_.path(), own = options_.program;
-    const std::string program =
-        options_.daemon.empty() ? (own.parent_path() / "sightlined").string() : options_.daemon;
+    const std::string program = options_.daemon.empty() ? (own.parent_path() / "sightlined").string() : options_.daemon;
     const std::string ready = folder / "ready";
     std::vector<std::string> flags{"--ready-file", ready, "--log-level", "warning", "--listen"};
     if (options_.tcp)
@@ -159,8 +157,8 @@ class Bench {
   // ---- sessions
 
   // Adds a stream. Every so many streams share a connection of their own, as the sessions of one game server would.
-  Status add_stream(const std::string& address, const ClientCredentials& credentials, BenchProtocol protocol, Streams& streams,
-                    std::shared_ptr<grpc::Channel>& channel) {
+  Status add_stream(const std::string& address, const ClientCredentials& credentials, BenchProtocol protocol,
+                    Streams& streams, std::shared_ptr<grpc::Channel>& channel) {
     if (streams.size() % options_.sessions_per_channel == 0) {
       grpc::ChannelArguments arguments;
       arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
@@ -180,7 +178,8 @@ class Bench {
     for (size_t i = first; i < until; ++i) {
       v1::OpenSession open = world_->open(i, scene_hash_);
       open.MergeFrom(settings_);
-      const Status added = add_stream(address_, credentials_, control_protocol(*world_, i, std::move(open)), sessions_, session_channel_);
+      const Status added = add_stream(address_, credentials_, control_protocol(*world_, i, std::move(open)), sessions_,
+                                      session_channel_);
       if (!added) return added;
     }
     for (size_t i = first; i < until; ++i) {
@@ -193,8 +192,8 @@ class Bench {
   }
 
   Status refused(size_t session, const Error& error) const {
-    std::string message = "session " + std::to_string(session + 1) + " of " +
-                          std::to_string(options_.world.sessions) + " was refused: " + error.message;
+    std::string message = "session " + std::to_string(session + 1) + " of " + std::to_string(options_.world.sessions) +
+                          " was refused: " + error.message;
     return fail(error.code, error.field.empty() ? "sessions" : error.field, std::move(message));
   }
 
@@ -213,7 +212,8 @@ class Bench {
     if (const Status opened = open_sessions(1, options_.world.sessions); !opened) return opened;
     std::shared_ptr<grpc::Channel> channel;
     for (size_t i = 0; has_echo() && i < sessions_.size(); ++i) {
-      const Status added = add_stream(options_.echo, {}, echo_protocol([this, i] { return sessions_[i]->last_sizes(); }), echoes_, channel);
+      const Status added = add_stream(
+          options_.echo, {}, echo_protocol([this, i] { return sessions_[i]->last_sizes(); }), echoes_, channel);
       if (!added) return added;
     }
     return {};
@@ -237,19 +237,16 @@ class Bench {
     }
     sessions_bytes_ = resident_bytes();
     generator_->stop();
-    static_cast<void>(
-        wait_settled(kSettleTimeout, [] { return true; }));  // what stays unanswered counts as lost
+    static_cast<void>(wait_settled(kSettleTimeout, [] { return true; }));  // what stays unanswered counts as lost
     return {};
   }
 
-  // Waits for the window, and then until every tick that was due in it is answered, however late: a window is never judged by its
-  // fast answers alone.
+  // Waits for the window, and then until every tick that was due in it is answered, however late: a window is never
+  // judged by its fast answers alone.
   Status measure_window(int window, int64_t end_ns) {
-    if (const Status waited = wait_until(schedule_.begin_ns(BenchPeer::kDaemon, window)); !waited)
-      return waited;
+    if (const Status waited = wait_until(schedule_.begin_ns(BenchPeer::kDaemon, window)); !waited) return waited;
     const CpuTimes before = cpu_times();
-    if (const Status waited = wait_until(schedule_.end_ns(BenchPeer::kDaemon, window)); !waited)
-      return waited;
+    if (const Status waited = wait_until(schedule_.end_ns(BenchPeer::kDaemon, window)); !waited) return waited;
     const CpuTimes after = cpu_times();
     if (const Status waited = wait_until(end_ns); !waited) return waited;
     const auto all_sent = [&] { return generator_->sent_until_ns() >= end_ns; };
@@ -310,7 +307,8 @@ class Bench {
       measured.daemon.add(own);
     }
     round_trips_.push_back(quantiles_of(measured.daemon.of(BenchMetric::kRoundTrip)));
-    // Microseconds a tick. The two moments are only near the window's ends, so CPU time is scaled to the window's length.
+    // Microseconds a tick. The two moments are only near the window's ends, so CPU time is scaled to the window's
+    // length.
     const auto a_tick_us = [&](int64_t used_ns) {
       const auto span_ns = static_cast<double>(after.at_ns - before.at_ns);
       const auto ticks = static_cast<double>(std::max<uint64_t>(measured.daemon.ticks(), 1));
@@ -428,7 +426,8 @@ class Bench {
   std::vector<MeasuredWindow> windows_;
   std::vector<Quantiles> round_trips_;  // one for each window
   bool stable_ = false;
-  // Resident memory of the daemon: before the scene; with the scene and one session; with all sessions, at the end of the load.
+  // Resident memory of the daemon: before the scene; with the scene and one session; with all sessions, at the end of
+  // the load.
   size_t start_bytes_ = 0, scene_bytes_ = 0, sessions_bytes_ = 0;
 };
 

@@ -1,10 +1,11 @@
-// When every tick of a load is due. All due times are fixed before the first tick is sent, so a slow server neither slows the load
-// down nor hides its delay (no "coordinated omission"). A tick that cannot be sent in time still counts from its due time.
+// When every tick of a load is due. All due times are fixed before the first tick is sent, so a slow server neither
+// slows the load down nor hides its delay (no "coordinated omission"). A tick that cannot be sent in time still counts
+// from its due time.
 //
-// Every session sends at the same rate; the phases of the sessions are spread evenly over the tick. Time is cut into segments: a
-// lead-in, which is not counted, and a window. When an echo is measured too, segments of daemon and echo alternate, and the clock
-// of each stands still during the other's turn. The two never work at the same time. Without an echo there is no lead-in
-// and windows follow each other without a gap.
+// Every session sends at the same rate; the phases of the sessions are spread evenly over the tick. Time is cut into
+// segments: a lead-in, which is not counted, and a window. When an echo is measured too, segments of daemon and echo
+// alternate, and the clock of each stands still during the other's turn. The two never work at the same time. Without
+// an echo there is no lead-in and windows follow each other without a gap.
 //
 // Immutable; may be used by any thread. Times are nanoseconds since the start of the load.
 #pragma once

@@ -180,8 +180,7 @@ void BenchStream::count_reply(const BenchAnswer& answer, size_t bytes, int64_t n
   open->reply_bytes += bytes;
   if (!answer.stages_us) return;
   const auto& stages_us = *answer.stages_us;
-  open->add(BenchMetric::kTransport,
-            us_between(settled_.back().due_ns, now_ns) - stages_us.front() - stages_us.back());
+  open->add(BenchMetric::kTransport, us_between(settled_.back().due_ns, now_ns) - stages_us.front() - stages_us.back());
   for (size_t i = 0; i < stages_us.size(); ++i)
     open->add(static_cast<BenchMetric>(static_cast<size_t>(BenchMetric::kQueue) + i), stages_us[i]);
 }

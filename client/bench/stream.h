@@ -26,10 +26,10 @@ namespace sightline {
 
 class BenchStream {
  public:
-  // Starts the call and sends the opening. `loop` moves the messages and must outlive the stream. Round trips of more than
-  // `late_ns` count as late. `token` shows the server who calls; empty: nothing does.
-  BenchStream(EventLoop& loop, std::shared_ptr<grpc::Channel> channel, BenchProtocol protocol,
-              int64_t late_ns, const std::string& token);
+  // Starts the call and sends the opening. `loop` moves the messages and must outlive the stream. Round trips of more
+  // than `late_ns` count as late. `token` shows the server who calls; empty: nothing does.
+  BenchStream(EventLoop& loop, std::shared_ptr<grpc::Channel> channel, BenchProtocol protocol, int64_t late_ns,
+              const std::string& token);
   ~BenchStream();  // cancels the call if it is still open, and waits for its end
   BenchStream(const BenchStream&) = delete;
   BenchStream& operator=(const BenchStream&) = delete;
@@ -37,8 +37,8 @@ class BenchStream {
   // Waits for the answer to the opening.
   Result<BenchOpened> wait_opened(std::chrono::nanoseconds timeout);
 
-  // Sends the next tick. `due_ns` is on the clock of monotonic_ns; `window` is where the tick counts, or -1. Never blocks: messages
-  // that the connection cannot take yet are queued here. Called by one thread at a time.
+  // Sends the next tick. `due_ns` is on the clock of monotonic_ns; `window` is where the tick counts, or -1. Never
+  // blocks: messages that the connection cannot take yet are queued here. Called by one thread at a time.
   void send_tick(int64_t due_ns, int window);
 
   // Lengths of the last tick and of the last reply; 0 before the first.

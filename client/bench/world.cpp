@@ -41,8 +41,7 @@ glm::dvec3 on_circle(double radius_m, double angle_rad) {
   return {radius_m * std::cos(angle_rad), 0.0, radius_m * std::sin(angle_rad)};
 }
 
-void add_transform(uint64_t id, const Pose& pose, const glm::dvec3& velocity_mps,
-                   v1::Transforms& transforms) {
+void add_transform(uint64_t id, const Pose& pose, const glm::dvec3& velocity_mps, v1::Transforms& transforms) {
   transforms.add_ids(id);
   for (int axis = 0; axis < 3; ++axis) {
     transforms.add_positions(pose.position_m[axis]);
@@ -88,8 +87,7 @@ void BenchWorld::take_walkers() {
     walkers_.back().id = actors.size() + 1 + i;
     // Spread like the seeds of a sunflower: all are about equally far from their neighbours.
     const double rank = static_cast<double>(i - own.size() + 1);
-    walkers_.back().beside_m =
-        on_circle(kApartM * std::sqrt(rank), rank * glm::golden_ratio<double>() * kTurnRad);
+    walkers_.back().beside_m = on_circle(kApartM * std::sqrt(rank), rank * glm::golden_ratio<double>() * kTurnRad);
     walkers_.back().beside_m.y = kCapsuleRadiusM + kCapsuleHalfHeightM;
   }
 }
@@ -153,11 +151,10 @@ v1::OpenSession BenchWorld::open(size_t session, const std::string& scene_hash) 
 double BenchWorld::path_time_s(size_t session, uint64_t sequence) const {
   const double duration_s = kPathStepS * static_cast<double>(walkers_.front().path.size() - 1);
   if (duration_s <= 0.0) return 0.0;
-  const double rank =
-      options_.sessions < 2 ? 0.5 : static_cast<double>(session) / static_cast<double>(options_.sessions - 1);
+  const double rank = options_.sessions < 2 ? 0.5
+                                            : static_cast<double>(session) / static_cast<double>(options_.sessions - 1);
   const double pace = kSlowest + rank * (kFastest - kSlowest);
-  const double walked_s =
-      std::fmod(pace * static_cast<double>(sequence - 1) / options_.rate_hz, 2 * duration_s);
+  const double walked_s = std::fmod(pace * static_cast<double>(sequence - 1) / options_.rate_hz, 2 * duration_s);
   return std::min(walked_s, 2 * duration_s - walked_s);
 }
 

@@ -24,15 +24,16 @@ constexpr double kReachM = 3.0;
 constexpr double kVelocityCellMps = 2.5;
 // The least accelerations, as a share of the limit. Full ones alone would leave no gentle motion.
 constexpr double kGentle = 0.35;
-// Rays to each target. If the first ones all arrive, the others are traced too. Otherwise the search would prefer places at which a
-// few rays happen to miss the occluder.
+// Rays to each target. If the first ones all arrive, the others are traced too. Otherwise the search would prefer
+// places at which a few rays happen to miss the occluder.
 constexpr size_t kFirstRays = 16, kAllRays = kExtentPoints;
-// Rays to each target for what a picture is worth. That is no matter of yes or no, so a ray more or less changes little.
+// Rays to each target for what a picture is worth. That is no matter of yes or no, so a ray more or less changes
+// little.
 constexpr size_t kWorthRays = 24;
 // The shares of rays beyond which no picture needs to be taken.
 constexpr double kSurelyHidden = 0.75, kSurelySeen = 0.98;
-// In a picture that is taken, a target should cover about this many pixels. It is judged more strictly than by the judge, whose
-// pixels are finer.
+// In a picture that is taken, a target should cover about this many pixels. It is judged more strictly than by the
+// judge, whose pixels are finer.
 constexpr double kTargetPixels = 160.0, kCarefulPixels = 600.0;
 constexpr double kStrictTolerance = 0.04;
 
@@ -61,8 +62,8 @@ struct Bucket {
 struct BucketHash {
   size_t operator()(const Bucket& bucket) const {
     uint64_t hash = 0;
-    for (const int part : {bucket.place.x, bucket.place.y, bucket.place.z, bucket.velocity.x, bucket.velocity.y,
-                           bucket.velocity.z})
+    for (const int part :
+         {bucket.place.x, bucket.place.y, bucket.place.z, bucket.velocity.x, bucket.velocity.y, bucket.velocity.z})
       hash = (hash ^ static_cast<uint32_t>(part)) * 0x9E3779B97F4A7C15ull, hash ^= hash >> 29;
     return hash;
   }
@@ -86,7 +87,8 @@ class Beam {
         lens_(world.scenario().lens()),
         sight_(world, extents, place_limits, kFirstRays) {
     set_tick(0);
-    if (options.aim == PlanAim::kWorth) shot_cost_.emplace(sight_, world.targets_center_m(), world.scenario().camera(), lens_);
+    if (options.aim == PlanAim::kWorth)
+      shot_cost_.emplace(sight_, world.targets_center_m(), world.scenario().camera(), lens_);
   }
 
   BeamResult run(const Pose& start) {
@@ -206,7 +208,8 @@ class Beam {
   }
   static constexpr double kPlaceCellM = 0.5;
 
-  // The changes of velocity a tick that are tried: none, full and gentle ones in every direction, and braking to a stop.
+  // The changes of velocity a tick that are tried: none, full and gentle ones in every direction, and braking to a
+  // stop.
   std::vector<glm::dvec3> changes(const glm::dvec3& velocity_mps, size_t ticks) const {
     const double most = limits_.max_acceleration_mps2 * timeline_.tick_s;
     std::vector<glm::dvec3> all{glm::dvec3(0.0)};
@@ -230,8 +233,8 @@ class Beam {
     return later;
   }
 
-  // The guide's expectation after the stage of `tick`: the worse one of the camera's position a stage later and of its position of rest.
-  // Without the second, the search would race into walls.
+  // The guide's expectation after the stage of `tick`: the worse one of the camera's position a stage later and of its
+  // position of rest. Without the second, the search would race into walls.
   double expected_after(const State& state, size_t tick) const {
     const size_t stage = tick / timeline_.ticks_per_stage;
     const glm::dvec3 next_m = state.place_m + state.velocity_mps * timeline_.stage_s();
@@ -251,7 +254,8 @@ class Beam {
     turn(state);
     state.slack_m -= glm::length(way) + mover_travel_m_;
     if (state.slack_m > 0) return;
-    state.slack_m = world_.colliders().nearest_surface_m(state.place_m, static_cast<float>(body_m_ + kReachM)) - body_m_;
+    state.slack_m = world_.colliders().nearest_surface_m(state.place_m, static_cast<float>(body_m_ + kReachM)) -
+                    body_m_;
     if (state.slack_m < 0) state.cost += kTouchCost;
   }
 
@@ -272,9 +276,8 @@ class Beam {
       return;
     }
     const Pose pose{state.place_m, rotation_from_angles(state.turn.angles)};
-    const bool inside = std::all_of(sight_.targets().begin(), sight_.targets().end(), [&](const TrackedTarget& target) {
-      return in_picture(pose, lens_, target.aim_m);
-    });
+    const bool inside = std::all_of(sight_.targets().begin(), sight_.targets().end(),
+                                    [&](const TrackedTarget& target) { return in_picture(pose, lens_, target.aim_m); });
     TargetsSeen seen = sight_.shares(state.place_m, kFirstRays);
     if (inside && seen.least_share == 1.0) seen = sight_.shares(state.place_m, kAllRays, kFirstRays);
     if (inside && !careful_ && seen.least_share >= kSurelySeen) return;
@@ -338,7 +341,7 @@ class Beam {
   SightEstimate sight_;
   std::optional<ShotCost> shot_cost_;  // of a plan for kWorth
   glm::dvec3 center_m_{0.0};           // of the targets
-  double mover_travel_m_ = 0.0;  // since the tick before
+  double mover_travel_m_ = 0.0;        // since the tick before
   bool careful_ = false;
 };
 

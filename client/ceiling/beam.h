@@ -1,6 +1,6 @@
-// Searches for the best motion that obeys all limits. It is a beam search. At each step of time it keeps the most promising
-// camera states, at most one for each cell of place and velocity. Every state was reached by motion that keeps the limits exactly. The
-// search knows what is ahead from the guide, a dynamic program over a grid.
+// Searches for the best motion that obeys all limits. It is a beam search. At each step of time it keeps the most
+// promising camera states, at most one for each cell of place and velocity. Every state was reached by motion that
+// keeps the limits exactly. The search knows what is ahead from the guide, a dynamic program over a grid.
 #pragma once
 
 #include <vector>
@@ -22,7 +22,8 @@ struct BeamOptions {
   PlanAim aim = PlanAim::kJoint;
   size_t width = 400;  // states that are kept after each step
   size_t tried = 800;  // states that are played exactly in each step
-  std::vector<bool> careful_stages;  // stages whose pictures are always taken as the judge takes them; may be shorter than the plan
+  // stages whose pictures are always taken as the judge takes them; may be shorter than the plan
+  std::vector<bool> careful_stages;
 };
 
 struct BeamResult {
@@ -30,9 +31,10 @@ struct BeamResult {
   double cost = 0.0;       // by the search's own pictures, which are coarser than the judge's
 };
 
-// `start` is the camera at tick 0, at rest. Where no way leads on, such as from inside a wall, the camera stops at once and stays. Deterministic.
-// Moves the time of `world`.
+// `start` is the camera at tick 0, at rest. Where no way leads on, such as from inside a wall, the camera stops at once
+// and stays. Deterministic. Moves the time of `world`.
 BeamResult search_beam(ScenarioWorld& world, ExtentCache& extents, const Pose& start, const Guide& guide,
-                       const Timeline& timeline, const CameraLimits& limits, const MoveSettings& place_limits, const BeamOptions& options);
+                       const Timeline& timeline, const CameraLimits& limits, const MoveSettings& place_limits,
+                       const BeamOptions& options);
 
 }  // namespace sightline

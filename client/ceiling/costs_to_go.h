@@ -1,8 +1,9 @@
 // Dynamic programming over a graph of places and stages of time, backwards from the last stage.
 //
-// A camera is at one place at each stage and pays that place's cost. Between a stage and the next it stays, or goes by up to `hops` edges;
-// each edge adds its length times `cost_per_m`. The cost to go of a place at a stage is the least sum from there to the end,
-// this stage included. A place whose cost is kBarredCost or more is not passed through either.
+// A camera is at one place at each stage and pays that place's cost. Between a stage and the next it stays, or goes by
+// up to `hops` edges; each edge adds its length times `cost_per_m`. The cost to go of a place at a stage is the least
+// sum from there to the end, this stage included. A place whose cost is kBarredCost or more is not passed through
+// either.
 #pragma once
 
 #include <cstdint>
@@ -20,8 +21,8 @@ class CostsToGo {
   // `graph` must outlive the object.
   CostsToGo(const PlaceGraph& graph, double cost_per_m);
 
-  // Goes one stage back in time. `cost`: of every place at that stage, >= 0. `hops` >= 0: the greatest number of edges from there to the
-  // stage that was added before; not used at the first call.
+  // Goes one stage back in time. `cost`: of every place at that stage, >= 0. `hops` >= 0: the greatest number of edges
+  // from there to the stage that was added before; not used at the first call.
   void add_stage_before(std::span<const float> cost, int hops);
 
   // By place, at the stage that was added last. Empty before the first.

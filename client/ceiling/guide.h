@@ -1,4 +1,5 @@
-// The guide tells what a camera can expect from a place on. It is the result of a dynamic program (costs_to_go.h), kept for every stage.
+// The guide tells what a camera can expect from a place on. It is the result of a dynamic program (costs_to_go.h), kept
+// for every stage.
 #pragma once
 
 #include <cstdint>
@@ -21,8 +22,8 @@ class Guide {
   // The costs of a stage, by place: of its picture alone, and from there to the end, that picture included.
   void keep(size_t stage, std::span<const float> pictures, std::span<const float> to_go);
 
-  // The values of the place nearest to a point, in the point's cell or one next to it. Both are 0 after the last stage, and kNoWayCost where no place is
-  // near. Stored in steps of 1/200 (pictures) and 1/64 (to go) of a picture.
+  // The values of the place nearest to a point, in the point's cell or one next to it. Both are 0 after the last stage,
+  // and kNoWayCost where no place is near. Stored in steps of 1/200 (pictures) and 1/64 (to go) of a picture.
   double picture(const glm::dvec3& point_m, size_t stage) const;
   double to_go(const glm::dvec3& point_m, size_t stage) const;
 

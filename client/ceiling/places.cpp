@@ -17,8 +17,8 @@ uint64_t key_of(const glm::ivec3& cell) {
 
 }  // namespace
 
-bool sphere_passes(const EmbreeScene& colliders, std::span<const uint32_t> ignored_slots,
-                   const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m) {
+bool sphere_passes(const EmbreeScene& colliders, std::span<const uint32_t> ignored_slots, const glm::dvec3& from_m,
+                   const glm::dvec3& to_m, double radius_m) {
   const double length_m = glm::distance(from_m, to_m);
   for (double gone_m = 0;;) {
     const glm::dvec3 at_m = length_m > 0 ? glm::mix(from_m, to_m, gone_m / length_m) : from_m;
@@ -113,7 +113,8 @@ class PlaceGrid::Search {
     graph.first.push_back(static_cast<uint32_t>(graph.to.size()));
   }
 
-  // Returns whether the way between two places is free. Both directions are swept alike, so that the graph is undirected.
+  // Returns whether the way between two places is free. Both directions are swept alike, so that the graph is
+  // undirected.
   bool is_way(uint32_t a, uint32_t b, float length_m) const {
     if (room_m_[a] + room_m_[b] >= length_m) return true;
     return passes(grid_.place_m_[std::min(a, b)], grid_.place_m_[std::max(a, b)]);
@@ -127,8 +128,8 @@ class PlaceGrid::Search {
   std::vector<double> room_m_;  // by place: from the body to the nearest collider
 };
 
-PlaceGrid::PlaceGrid(const EmbreeScene& colliders, std::span<const uint32_t> ignored_slots,
-                     const glm::dvec3& start_m, const PlaceGridOptions& options)
+PlaceGrid::PlaceGrid(const EmbreeScene& colliders, std::span<const uint32_t> ignored_slots, const glm::dvec3& start_m,
+                     const PlaceGridOptions& options)
     : spacing_m_(options.spacing_m), origin_m_(start_m) {
   Search(*this, colliders, ignored_slots, options).run(start_m);
   if (cell_.empty()) return;

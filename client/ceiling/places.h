@@ -11,7 +11,8 @@
 
 namespace sightline {
 
-// An undirected graph of places. The neighbours of place i are to[first[i]] to to[first[i + 1] - 1], in ascending order.
+// An undirected graph of places. The neighbours of place i are to[first[i]] to to[first[i + 1] - 1], in ascending
+// order.
 struct PlaceGraph {
   std::vector<uint32_t> first{0};
   std::vector<uint32_t> to;
@@ -29,13 +30,14 @@ struct PlaceGridOptions {
 
 inline constexpr uint32_t kNoPlace = UINT32_MAX;
 
-// Each cell has one place. It is the centre of the cell where the body fits there. Otherwise it is the free point with the most room of a
-// 3 x 3 x 3 lattice in the cell. Neighbours are up to 26 adjacent cells to which the body can go straight. Moving colliders are ignored. Immutable;
-// any number of threads may read it.
+// Each cell has one place. It is the centre of the cell where the body fits there. Otherwise it is the free point with
+// the most room of a 3 x 3 x 3 lattice in the cell. Neighbours are up to 26 adjacent cells to which the body can go
+// straight. Moving colliders are ignored. Immutable; any number of threads may read it.
 class PlaceGrid {
  public:
-  // `colliders` must have taken in the scene. `ignored_slots` are the slots of the moving instances, ascending. Without a free place at
-  // the start the grid has no places. A grid that would have more than `most_places` stops growing there.
+  // `colliders` must have taken in the scene. `ignored_slots` are the slots of the moving instances, ascending. Without
+  // a free place at the start the grid has no places. A grid that would have more than `most_places` stops growing
+  // there.
   PlaceGrid(const EmbreeScene& colliders, std::span<const uint32_t> ignored_slots, const glm::dvec3& start_m,
             const PlaceGridOptions& options);
 
@@ -59,12 +61,13 @@ class PlaceGrid {
   std::vector<glm::dvec3> place_m_;
   std::vector<glm::ivec3> cell_;
   PlaceGraph graph_;
-  glm::ivec3 low_{0}, count_{0};   // the box of cells in index_
-  std::vector<uint32_t> index_;  // place by cell, x fastest
+  glm::ivec3 low_{0}, count_{0};  // the box of cells in index_
+  std::vector<uint32_t> index_;   // place by cell, x fastest
 };
 
-// Returns whether a sphere can go straight from one point to the other without coming nearer than its radius to a collider. Accurate to 1 cm.
-bool sphere_passes(const EmbreeScene& colliders, std::span<const uint32_t> ignored_slots,
-                   const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m);
+// Returns whether a sphere can go straight from one point to the other without coming nearer than its radius to a
+// collider. Accurate to 1 cm.
+bool sphere_passes(const EmbreeScene& colliders, std::span<const uint32_t> ignored_slots, const glm::dvec3& from_m,
+                   const glm::dvec3& to_m, double radius_m);
 
 }  // namespace sightline

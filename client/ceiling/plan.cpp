@@ -14,12 +14,13 @@ namespace sightline {
 namespace {
 
 constexpr double kShortestStageS = 0.05, kLongestStageS = 0.125;
-// The body keeps this much more from standing colliders in the grid than it must: ways between places are swept with an error of 1 cm.
+// The body keeps this much more from standing colliders in the grid than it must: ways between places are swept with an
+// error of 1 cm.
 constexpr double kGridSkinM = 0.01;
 // The upper estimate counts a target as seen when this share of its rays arrives.
 constexpr double kDoubtfulShare = 0.8;
-// The search is repeated up to so often where the judge sees less of its path than it expected. Then it looks at those stages more
-// carefully.
+// The search is repeated up to so often where the judge sees less of its path than it expected. Then it looks at those
+// stages more carefully.
 constexpr int kRounds = 3;
 // Cells this far from the targets' path, in metres, belong to the camera's way to them.
 constexpr double kWayToTargetsM = 2.0;
@@ -37,7 +38,8 @@ struct TargetsPath {
 // The greatest speed, without the fastest part of the time.
 double usual_speed_mps(std::vector<double> speeds_mps) {
   if (speeds_mps.empty()) return 0.0;
-  const auto at = speeds_mps.begin() + static_cast<ptrdiff_t>(static_cast<double>(speeds_mps.size()) * (1 - kFastestPart));
+  const auto at = speeds_mps.begin() +
+                  static_cast<ptrdiff_t>(static_cast<double>(speeds_mps.size()) * (1 - kFastestPart));
   std::nth_element(speeds_mps.begin(), at, speeds_mps.end());
   return *at;
 }
@@ -99,7 +101,8 @@ class Planner {
       const double joint = 1 - count / static_cast<double>(timeline_.stages());
       if (round == 0 || joint > plan.joint) plan.joint = joint, plan.path = std::move(found.path);
       if (shot_cost_ || count <= std::floor(found.cost)) break;
-      std::transform(hidden.begin(), hidden.end(), beam.careful_stages.begin(), beam.careful_stages.begin(), std::logical_or<>());
+      std::transform(hidden.begin(), hidden.end(), beam.careful_stages.begin(), beam.careful_stages.begin(),
+                     std::logical_or<>());
     }
     return plan;
   }
@@ -138,9 +141,8 @@ class Planner {
     const glm::dvec3 way = path_.centers_m.front() - start_m();
     const double gone = std::clamp(glm::dot(point_m - start_m(), way) / std::max(glm::dot(way, way), 1e-9), 0.0, 1.0);
     if (glm::distance(point_m, start_m() + way * gone) <= kWayToTargetsM) return true;
-    return std::any_of(path_.centers_m.begin(), path_.centers_m.end(), [&](const glm::dvec3& center_m) {
-      return glm::distance(point_m, center_m) <= reach_m_;
-    });
+    return std::any_of(path_.centers_m.begin(), path_.centers_m.end(),
+                       [&](const glm::dvec3& center_m) { return glm::distance(point_m, center_m) <= reach_m_; });
   }
 
   // Fills the guide. Returns the upper estimate of what the plan aims at.
@@ -159,7 +161,8 @@ class Planner {
     return 1 - static_cast<double>(doubtful.costs()[start]) / static_cast<double>(timeline_.stages());
   }
 
-  // The number of edges that the guide's camera may go between a stage and the next, so that it keeps its speed on average.
+  // The number of edges that the guide's camera may go between a stage and the next, so that it keeps its speed on
+  // average.
   int guide_hops(size_t stage) const {
     const double speed_mps = std::min(std::max(options_.guide_speed_mps, path_.speed_mps), limits_.max_speed_mps);
     const double per_stage = speed_mps * timeline_.stage_s() / grid_.spacing_m();
@@ -182,11 +185,13 @@ class Planner {
     block_movers(cost, doubtful_cost);
   }
 
-  // How far the camera can be from its start, at which it rests; with a cell more, since a camera may be anywhere in its cell.
+  // How far the camera can be from its start, at which it rests; with a cell more, since a camera may be anywhere in
+  // its cell.
   double farthest_flight_m(double time_s) const {
     const double speed_up_s = std::min(time_s, limits_.max_speed_mps / limits_.max_acceleration_mps2);
     const double speed_mps = limits_.max_acceleration_mps2 * speed_up_s;
-    return speed_mps * (speed_up_s + timeline_.tick_s) / 2 + speed_mps * (time_s - speed_up_s) + std::sqrt(3.0) * grid_.spacing_m();
+    return speed_mps * (speed_up_s + timeline_.tick_s) / 2 + speed_mps * (time_s - speed_up_s) +
+           std::sqrt(3.0) * grid_.spacing_m();
   }
 
   // The cost of a picture from a place: for the guide, and for the upper estimate.
@@ -245,7 +250,7 @@ class Planner {
   const double reach_m_, near_m_;
   SightEstimate sight_;
   const PlaceGrid grid_;
-  std::optional<ShotCost> shot_cost_;  // of a plan for kWorth
+  std::optional<ShotCost> shot_cost_;               // of a plan for kWorth
   std::vector<std::optional<PictureCost>> looked_;  // by place, at the present stage
 };
 

@@ -8,11 +8,13 @@
 namespace sightline {
 namespace {
 
-// Targets this near to the middle of the picture, as a share of half its height, are in the picture for any aim at their middle.
+// Targets this near to the middle of the picture, as a share of half its height, are in the picture for any aim at
+// their middle.
 constexpr double kSurelyInside = 0.8;
 // A target whose first rays are all blocked counts as hidden.
 constexpr size_t kFirstRays = 3;
-// A ray ends this share of its length before the surface point, so that rounding does not let it hit what the target stands on.
+// A ray ends this share of its length before the surface point, so that rounding does not let it hit what the target
+// stands on.
 constexpr float kRayEnd = 0.999f;
 
 }  // namespace
@@ -33,8 +35,7 @@ std::vector<TrackedTarget> tracked_targets(const ScenarioWorld& world) {
   return targets;
 }
 
-SightEstimate::SightEstimate(const ScenarioWorld& world, ExtentCache& extents, const MoveSettings& limits,
-                             size_t rays)
+SightEstimate::SightEstimate(const ScenarioWorld& world, ExtentCache& extents, const MoveSettings& limits, size_t rays)
     : world_(world), limits_(limits), lens_(world.scenario().lens()), rays_(rays) {
   for (const Target& target : world.targets()) {
     Body& body = bodies_.emplace_back();
@@ -107,13 +108,15 @@ double SightEstimate::whole_share(const Body& body, const Pose& world_from_camer
 
 double SightEstimate::whole_loss(const Pose& world_from_camera, size_t rays) const {
   double loss = 0.0;
-  for (const Body& body : bodies_) loss += std::max(0.0, kLeastOfWhole - whole_share(body, world_from_camera, rays)) / kLeastOfWhole;
+  for (const Body& body : bodies_)
+    loss += std::max(0.0, kLeastOfWhole - whole_share(body, world_from_camera, rays)) / kLeastOfWhole;
   return loss / static_cast<double>(bodies_.size());
 }
 
 bool SightEstimate::fits(const glm::dvec3& eye_m) const {
   const glm::dvec3 middle = glm::normalize(weighted_center_m(targets_) - eye_m);
-  const double least_cosine = std::cos(kSurelyInside * std::min(lens_.vertical_fov_rad / 2, half_horizontal_fov_rad(lens_)));
+  const double least_cosine = std::cos(kSurelyInside *
+                                       std::min(lens_.vertical_fov_rad / 2, half_horizontal_fov_rad(lens_)));
   const bool surely = std::all_of(targets_.begin(), targets_.end(), [&](const TrackedTarget& target) {
     return glm::dot(glm::normalize(target.aim_m - eye_m), middle) > least_cosine;
   });

@@ -17,7 +17,8 @@ namespace sightline {
 ViewAngles best_aim(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& present,
                     const Lens& lens);
 
-// The targets of `world` as the aim and the distance limits need them. All count as required, since a picture counts only if it shows all.
+// The targets of `world` as the aim and the distance limits need them. All count as required, since a picture counts
+// only if it shows all.
 std::vector<TrackedTarget> tracked_targets(const ScenarioWorld& world);
 
 struct TargetsSeen {
@@ -32,17 +33,22 @@ class SightEstimate {
   // `rays`: number of rays to each target in `from`, [1, kExtentPoints].
   SightEstimate(const ScenarioWorld& world, ExtentCache& extents, const MoveSettings& limits, size_t rays);
 
-  // Takes over the present time of the world. The number `turn` selects the surface points of the targets that are used.
+  // Takes over the present time of the world. The number `turn` selects the surface points of the targets that are
+  // used.
   void refresh(size_t turn);
   TargetsSeen from(const glm::dvec3& eye_m) const;
-  // The two parts of `from`. is_allowed returns whether the limits of distance and elevation hold. `shares` ignores the picture's edges.
-  // If all of the first `known_free` rays are known to reach every target from here, they are not traced again.
+  // The two parts of `from`. is_allowed returns whether the limits of distance and elevation hold. `shares` ignores the
+  // picture's edges. If all of the first `known_free` rays are known to reach every target from here, they are not
+  // traced again.
   bool is_allowed(const glm::dvec3& eye_m) const { return place_limits_->hold(eye_m); }
   TargetsSeen shares(const glm::dvec3& eye_m, size_t rays, size_t known_free = 0) const;
   // The visible share of one target of the world, by `rays` rays, [1, kExtentPoints].
-  double target_share(size_t target, const glm::dvec3& eye_m, size_t rays) const { return share(bodies_[target], eye_m, rays, 0); }
-  // Estimates sight_loss (client/truth/coherence.h) of a picture, [0, 1], with `rays` points of each body, [1, kExtentPoints]. Hidden points and points outside the picture
-  // count alike. The limits of distance and elevation do not count.
+  double target_share(size_t target, const glm::dvec3& eye_m, size_t rays) const {
+    return share(bodies_[target], eye_m, rays, 0);
+  }
+  // Estimates sight_loss (client/truth/coherence.h) of a picture, [0, 1], with `rays` points of each body, [1,
+  // kExtentPoints]. Hidden points and points outside the picture count alike. The limits of distance and elevation do
+  // not count.
   double whole_loss(const Pose& world_from_camera, size_t rays) const;
   std::span<const TrackedTarget> targets() const { return targets_; }
 

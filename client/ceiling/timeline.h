@@ -26,8 +26,9 @@ enum class PlanAim {
   kWorth,  // what its pictures are worth: the first picture's shot, with everybody whole (client/truth/coherence.h)
 };
 
-// The costs of a plan for kJoint, in pictures. A plan for kWorth pays 1 - worth for each picture, and the same for its way. The weights are so small that no sum of them over a plan reaches one picture. So a path that shows
-// all targets in more pictures is always better. Of equal ones the greater visible share wins, then the shorter path.
+// The costs of a plan for kJoint, in pictures. A plan for kWorth pays 1 - worth for each picture, and the same for its
+// way. The weights are so small that no sum of them over a plan reaches one picture. So a path that shows all targets
+// in more pictures is always better. Of equal ones the greater visible share wins, then the shorter path.
 struct PlanCosts {
   double hidden_share = 0.0;  // of a picture in which the mean visible share is 0; it also costs 1
   double per_m = 0.0;         // of a metre of path

@@ -5,20 +5,20 @@
 #include <filesystem>
 #include <iostream>
 
+#include "client/base/verb.h"
+#include "client/base/wire_presets.h"
 #include "client/bench/command.h"
-#include "client/replay/compare_command.h"
-#include "client/recordings/commands.h"
+#include "client/command/scene_command.h"
+#include "client/cpp/sightline_client.h"
 #include "client/demo/demo_command.h"
 #include "client/drive/drive_command.h"
 #include "client/evaluate/evaluate_command.h"
+#include "client/recordings/commands.h"
+#include "client/replay/compare_command.h"
 #include "client/replay/replay_command.h"
 #include "client/report/report_command.h"
 #include "client/shots/shots_command.h"
 #include "client/status/command.h"
-#include "client/command/scene_command.h"
-#include "client/cpp/sightline_client.h"
-#include "client/base/verb.h"
-#include "client/base/wire_presets.h"
 #include "server/command_table.h"
 #include "server/gl/software_renderer.h"
 
@@ -26,55 +26,57 @@ namespace {
 
 void add_drive(CLI::App& app, sightline::DriveOptions& options) {
   CLI::App* drive = app.add_subcommand(
-      "drive",
-      "Play a scenario against a server; print how well the camera did, write a trace and a contact sheet");
+      "drive", "Play a scenario against a server; print how well the camera did, write a trace and a contact sheet");
   drive->add_option("scenario", options.scenario, "A .glb whose node extras hold the roles")
       ->required()
       ->check(CLI::ExistingFile);
-  drive->add_option("--server", options.server, "host:port or unix:/path of the daemon")
-      ->capture_default_str();
+  drive->add_option("--server", options.server, "host:port or unix:/path of the daemon")->capture_default_str();
   sightline::add_connection_flags(*drive, options.connection);
   drive->add_option("--rate", options.rate_hz, "Ticks a second of scenario time, hertz")
       ->check(CLI::Range(0.1, 1000.0))
       ->capture_default_str();
-  drive
-      ->add_option("--duration", options.duration_s,
-                   "Seconds of scenario time to play (default: its animation)")
+  drive->add_option("--duration", options.duration_s, "Seconds of scenario time to play (default: its animation)")
       ->check(CLI::Range(0.0, 86400.0));
   drive->add_option("--seed", options.seed, "Seed of the session's random numbers")->capture_default_str();
   drive->add_option("--preset", options.preset, "Preset that the session's settings start from")
       ->check(CLI::IsMember(sightline::preset_names()))
       ->capture_default_str();
   drive->add_option("--shot", options.shot,
-                    "A named shot (`sightline shots` lists them), or the part of a Tick that asks for one as JSON. The subject is the first target, the other the second");
+                    "A named shot (`sightline shots` lists them), or the part of a Tick that asks for one as JSON. The "
+                    "subject is the first target, the other the second");
   drive->add_option("--out", options.out, "Folder for trace.csv, metrics.json, contact.png and comparison.png")
       ->capture_default_str();
   drive->add_option("--page", options.page,
                     "Also write the session as one HTML page: 3D view, time line, what the camera saw");
-  drive->add_flag("--fast", options.lockstep,
-                  "Wait for each reply before the next tick, instead of playing in real time: the same outcome each time");
+  drive->add_flag(
+      "--fast", options.lockstep,
+      "Wait for each reply before the next tick, instead of playing in real time: the same outcome each time");
   drive->add_flag("!--no-truth", options.truth, "Do not re-render what the camera saw: no visible shares, no baseline");
   drive->add_option("--truth-every", options.picture_every, "Re-render and judge every n-th frame")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  drive->add_flag("--json", options.json, "One JSON object at the end instead of text: the figures of metrics.json, latencies, files, warnings");
+  drive->add_flag(
+      "--json", options.json,
+      "One JSON object at the end instead of text: the figures of metrics.json, latencies, files, warnings");
 }
 
 void add_evaluate(CLI::App& app, sightline::EvaluateOptions& options) {
   CLI::App* evaluate = app.add_subcommand(
       "evaluate", "Play scenes under several camera policies in this process; write tables of how well they did");
-  evaluate->add_option("--scene", options.scenes,
-                       "A generated scene by name, or a .glb with roles; may be repeated");
-  evaluate->add_option("--group", options.groups,
-                       "All generated scenes of a group, as make-scenes --list names them (default: study, unless --scene is "
-                       "given); may be repeated");
-  evaluate->add_option("--tiles", options.tiles,
-                       "Folder of the tile set for the group tiles (default: the environment variable SIGHTLINE_TILES)");
+  evaluate->add_option("--scene", options.scenes, "A generated scene by name, or a .glb with roles; may be repeated");
+  evaluate->add_option(
+      "--group", options.groups,
+      "All generated scenes of a group, as make-scenes --list names them (default: study, unless --scene is "
+      "given); may be repeated");
+  evaluate->add_option(
+      "--tiles", options.tiles,
+      "Folder of the tile set for the group tiles (default: the environment variable SIGHTLINE_TILES)");
   std::vector<std::string> names;
   for (const sightline::PolicyEntry& policy : sightline::policies()) names.push_back(policy.name);
   evaluate
       ->add_option("--policy", options.policies,
-                   "A camera policy; may be repeated. Default: all but the ceilings, cameras that know the whole scene in advance. They "
+                   "A camera policy; may be repeated. Default: all but the ceilings, cameras that know the whole scene "
+                   "in advance. They "
                    "show what is possible at all, and take a few seconds for each second of a scene")
       ->check(CLI::IsMember(names));
   evaluate
@@ -94,14 +96,16 @@ void add_evaluate(CLI::App& app, sightline::EvaluateOptions& options) {
   evaluate->add_option("--truth-every", options.picture_every, "Re-render and judge every n-th frame")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  evaluate->add_flag("--sheets", options.sheets, "Also draw eight pictures of each run as one image, in the folder's sheets/");
+  evaluate->add_flag("--sheets", options.sheets,
+                     "Also draw eight pictures of each run as one image, in the folder's sheets/");
   evaluate->add_option("--jobs", options.jobs, "Threads (default: as many as there are cores)")
       ->check(CLI::Range(1, 1024));
   evaluate->add_option("--sampler", options.sampler, "What takes the maps of Sightline's own policies")
       ->check(CLI::IsMember({"embree", "egl"}))
       ->capture_default_str();
   evaluate->add_option("--out", options.out, "Folder for the tables")->capture_default_str();
-  evaluate->add_flag("--json", options.json, "One JSON object instead of a table: means over the seeds of every figure, by scene and policy");
+  evaluate->add_flag("--json", options.json,
+                     "One JSON object instead of a table: means over the seeds of every figure, by scene and policy");
 }
 
 }  // namespace

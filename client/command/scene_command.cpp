@@ -53,8 +53,8 @@ std::string extents_text(const SceneAsset& asset) {
   const Extents e = extents_of(asset);
   if (e.min_m.x > e.max_m.x) return "none";
   const glm::dvec3 size = e.max_m - e.min_m;
-  return formatted("%.2f x %.2f x %.2f m, from (%.2f, %.2f, %.2f) to (%.2f, %.2f, %.2f)", size.x, size.y,
-                   size.z, e.min_m.x, e.min_m.y, e.min_m.z, e.max_m.x, e.max_m.y, e.max_m.z);
+  return formatted("%.2f x %.2f x %.2f m, from (%.2f, %.2f, %.2f) to (%.2f, %.2f, %.2f)", size.x, size.y, size.z,
+                   e.min_m.x, e.min_m.y, e.min_m.z, e.max_m.x, e.max_m.y, e.max_m.z);
 }
 
 std::string joined(const std::vector<std::string>& words) {
@@ -63,8 +63,7 @@ std::string joined(const std::vector<std::string>& words) {
   return text.empty() ? "none" : text;
 }
 
-void print_summary(std::ostream& out, const std::string& path, const SceneAsset& asset,
-                   const GeometryStore& store) {
+void print_summary(std::ostream& out, const std::string& path, const SceneAsset& asset, const GeometryStore& store) {
   const GeometryBytes bytes = store.live_bytes_by_part();
   size_t stored = 0, meshes = 0;
   for (const auto& mesh : asset.meshes)
@@ -72,11 +71,10 @@ void print_summary(std::ostream& out, const std::string& path, const SceneAsset&
   out << "file        " << path << '\n'
       << "hash        " << to_hex(asset.hash) << '\n'
       << "extents     " << extents_text(asset) << '\n'
-      << "triangles   " << grouped(stored) << " stored, " << grouped(asset.triangle_count())
-      << " as instanced\n"
+      << "triangles   " << grouped(stored) << " stored, " << grouped(asset.triangle_count()) << " as instanced\n"
       << "memory      " << bytes_text(bytes.total()) << " for " << grouped(store.live_count())
-      << " different geometries of " << grouped(meshes) << " meshes: positions and indices "
-      << bytes_text(bytes.source) << ", clusters " << bytes_text(bytes.clusters) << '\n'
+      << " different geometries of " << grouped(meshes) << " meshes: positions and indices " << bytes_text(bytes.source)
+      << ", clusters " << bytes_text(bytes.clusters) << '\n'
       << "extensions  " << joined(asset.extensions_used) << '\n';
 }
 
@@ -108,8 +106,7 @@ std::string attributes_text(const InstanceAttributes& attributes) {
 
 int depth_of(const SceneAsset& asset, const AssetNode& node) {
   int depth = 0;
-  for (int parent = node.parent; parent >= 0; parent = asset.nodes[static_cast<size_t>(parent)].parent)
-    ++depth;
+  for (int parent = node.parent; parent >= 0; parent = asset.nodes[static_cast<size_t>(parent)].parent) ++depth;
   return depth;
 }
 
@@ -143,22 +140,16 @@ void print_meshes(std::ostream& out, const SceneAsset& asset) {
   std::vector<size_t> uses(asset.meshes.size(), 0);
   for (const AssetNode& node : asset.nodes)
     if (node.mesh >= 0) uses[static_cast<size_t>(node.mesh)] += placements(node);
-  Table table({{"", true},
-               {"name"},
-               {"triangles", true},
-               {"see-through", true},
-               {"instances", true},
-               {"memory", true}});
+  Table table(
+      {{"", true}, {"name"}, {"triangles", true}, {"see-through", true}, {"instances", true}, {"memory", true}});
   for (size_t i = 0; i < std::min(asset.meshes.size(), kMaxRows); ++i) {
     const Geometry* mesh = asset.meshes[i].get();
-    table.row({std::to_string(i), printable(asset.mesh_names[i]),
-               mesh ? grouped(mesh->triangle_count()) : "none",
-               mesh ? grouped(mesh->triangle_count() - mesh->occluding_index_count / 3) : "",
-               grouped(uses[i]), mesh ? bytes_text(mesh->bytes()) : ""});
+    table.row({std::to_string(i), printable(asset.mesh_names[i]), mesh ? grouped(mesh->triangle_count()) : "none",
+               mesh ? grouped(mesh->triangle_count() - mesh->occluding_index_count / 3) : "", grouped(uses[i]),
+               mesh ? bytes_text(mesh->bytes()) : ""});
   }
   table.print(out);
-  if (asset.meshes.size() > kMaxRows)
-    out << "  ... and " << grouped(asset.meshes.size() - kMaxRows) << " more\n";
+  if (asset.meshes.size() > kMaxRows) out << "  ... and " << grouped(asset.meshes.size() - kMaxRows) << " more\n";
 }
 
 void print_cameras(std::ostream& out, const SceneAsset& asset) {
@@ -167,9 +158,8 @@ void print_cameras(std::ostream& out, const SceneAsset& asset) {
   Table table({{"", true}, {"vertical field of view", true}, {"aspect", true}, {"near", true}});
   for (size_t i = 0; i < std::min(asset.cameras.size(), kMaxRows); ++i) {
     const AssetCamera& camera = asset.cameras[i];
-    table.row(
-        {std::to_string(i), formatted("%.1f degrees", camera.vertical_fov_rad * 180.0 / std::numbers::pi),
-         camera.aspect ? formatted("%.3f", *camera.aspect) : "free", formatted("%.3f m", camera.near_m)});
+    table.row({std::to_string(i), formatted("%.1f degrees", camera.vertical_fov_rad * 180.0 / std::numbers::pi),
+               camera.aspect ? formatted("%.3f", *camera.aspect) : "free", formatted("%.3f m", camera.near_m)});
   }
   table.print(out);
 }
@@ -182,8 +172,8 @@ void print_animations(std::ostream& out, const SceneAsset& asset) {
     const AssetAnimation& animation = asset.animations[i];
     size_t keys = 0;
     for (const AssetChannel& channel : animation.channels) keys += channel.times_s.size();
-    table.row({printable(animation.name), formatted("%.2f s", animation.duration_s),
-               grouped(animation.channels.size()), grouped(keys)});
+    table.row({printable(animation.name), formatted("%.2f s", animation.duration_s), grouped(animation.channels.size()),
+               grouped(keys)});
   }
   table.print(out);
 }
@@ -236,7 +226,8 @@ Json json_of(const std::string& path, const SceneAsset& asset, const GeometrySto
                        {"aspect", camera.aspect ? Json(*camera.aspect) : Json()},
                        {"near_m", camera.near_m}});
   for (const AssetAnimation& animation : asset.animations)
-    animations.push_back({{"name", animation.name}, {"duration_s", animation.duration_s}, {"channels", animation.channels.size()}});
+    animations.push_back(
+        {{"name", animation.name}, {"duration_s", animation.duration_s}, {"channels", animation.channels.size()}});
   return {{"file", path},
           {"hash", to_hex(asset.hash)},
           {"extents", json_of(extents_of(asset))},

@@ -48,7 +48,8 @@ struct Camera::State {
   v1::SessionOpened opened;
   uint64_t sequence = 0;
   size_t resyncs = 0, resumes = 0;
-  std::string token;      // of the session in the daemon at `address`, also while it is lost; empty: it cannot be resumed
+  // of the session in the daemon at `address`, also while it is lost; empty: it cannot be resumed
+  std::string token;
   uint64_t answered = 0;  // the newest tick of this session that was answered
   std::minstd_rand random{std::random_device{}()};
   std::atomic<bool> interrupted = false;
@@ -90,14 +91,15 @@ Status Camera::State::open_session(bool uploads) {
   return {};
 }
 
-// Goes on with the lost session, if the daemon keeps it. True: the daemon has taken the tick already, and its answer follows. False: it
-// has not. Without a session afterwards, and without an error, a new one must be opened.
+// Goes on with the lost session, if the daemon keeps it. True: the daemon has taken the tick already, and its answer
+// follows. False: it has not. Without a session afterwards, and without an error, a new one must be opened.
 Result<bool> Camera::State::resume(uint64_t wanted) {
   v1::ResumeSession request;
   request.set_token(token);
   request.set_answered_sequence(answered);
   auto client = Client::connect(addresses[address], options.connect_timeout, {}, options.credentials);
-  auto next = client ? client->resume_session(request, std::min(options.reply_timeout, kResumeTimeout)) : tl::unexpected(client.error());
+  auto next = client ? client->resume_session(request, std::min(options.reply_timeout, kResumeTimeout))
+                     : tl::unexpected(client.error());
   if (next) {
     const uint64_t newest = (*next)->opened().newest_sequence();
     if (newest == wanted || newest == answered) {

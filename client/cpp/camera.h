@@ -1,12 +1,15 @@
-// A camera whose session survives its daemon. Each tick waits for its reply; a game whose frame must not wait uses LiveCamera (live_camera.h).
+// A camera whose session survives its daemon. Each tick waits for its reply; a game whose frame must not wait uses
+// LiveCamera (live_camera.h).
 //
 //   auto camera = sightline::Camera::open({"127.0.0.1:50151"}, open);
-//   auto answer = camera->tick(tick);      // a CameraReply, a TickError, or the Error of a session that is lost for good
+//   auto answer = camera->tick(tick);      // a CameraReply, a TickError, or the Error of a session that is lost for
+//   good
 //
-// When the stream breaks, the next tick goes on with the session in a new stream: the daemon keeps it for a while (its flag --resume-grace-s), and
-// the replies are those of an unbroken stream. When the daemon does not keep it, goes away, or says Drain, the next tick opens the session again, in
-// the daemon that answers then, and returns its reply: at the camera's last pose, with the scene, targets, settings, limits and lens as they
-// were. Several addresses are tried in turn.
+// When the stream breaks, the next tick goes on with the session in a new stream: the daemon keeps it for a while (its
+// flag --resume-grace-s), and the replies are those of an unbroken stream. When the daemon does not keep it, goes away,
+// or says Drain, the next tick opens the session again, in the daemon that answers then, and returns its reply: at the
+// camera's last pose, with the scene, targets, settings, limits and lens as they were. Several addresses are tried in
+// turn.
 //
 // A camera must be used by one thread at a time. Nothing throws.
 #pragma once
@@ -43,7 +46,8 @@ struct CameraOptions {
 
 class Camera {
  public:
-  // The answer to a tick. With a TickError, nothing of the tick was applied, unless it says that the step failed; the session goes on.
+  // The answer to a tick. With a TickError, nothing of the tick was applied, unless it says that the step failed; the
+  // session goes on.
   using Answer = std::variant<v1::CameraReply, v1::TickError>;
 
   // Opens a session with the first of the addresses ("host:port" or "unix:/path") that answers.
@@ -53,8 +57,8 @@ class Camera {
   Camera(Camera&&) noexcept;
   Camera& operator=(Camera&&) noexcept;
 
-  // Sends what has changed, and returns where the camera goes. The camera numbers ticks whose sequence is 0. Step control must not
-  // merge the tick into the next one: kInvalidArgument. After an Error, the next tick tries again.
+  // Sends what has changed, and returns where the camera goes. The camera numbers ticks whose sequence is 0. Step
+  // control must not merge the tick into the next one: kInvalidArgument. After an Error, the next tick tries again.
   Result<Answer> tick(v1::Tick tick);
 
   // What the daemon said when it opened the session, the last time that one did.

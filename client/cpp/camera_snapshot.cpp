@@ -10,7 +10,8 @@ void erase_id(google::protobuf::RepeatedField<uint64_t>& ids, uint64_t id) {
 }
 
 void add(const v1::Vec3& shift, double sign, v1::Vec3& place) {
-  place.set_x(place.x() + sign * shift.x()), place.set_y(place.y() + sign * shift.y()), place.set_z(place.z() + sign * shift.z());
+  place.set_x(place.x() + sign * shift.x()), place.set_y(place.y() + sign * shift.y()),
+      place.set_z(place.z() + sign * shift.z());
 }
 
 }  // namespace
@@ -59,7 +60,8 @@ void CameraSnapshot::shift_world(const v1::Vec3& shift) {
   add(shift, 1, *terms_.mutable_world_shift());
   for (auto& [id, change] : changes_) {
     if (change.added) add(shift, 1, *change.added->mutable_pose()->mutable_position());
-    if (!change.position.empty()) change.position[0] += shift.x(), change.position[1] += shift.y(), change.position[2] += shift.z();
+    if (!change.position.empty())
+      change.position[0] += shift.x(), change.position[1] += shift.y(), change.position[2] += shift.z();
   }
   if (camera_) add(shift, 1, *camera_->mutable_pose()->mutable_position());
 }
@@ -100,7 +102,8 @@ void CameraSnapshot::apply_delta(const v1::SceneDelta& delta) {
     forget_in_targets(id);
   }
   for (const v1::NewInstance& added : delta.added_instances()) change(added.id()).added = added;
-  for (const v1::AttributeChange& changed : delta.changed_instances()) change(changed.id()).attributes = changed.attributes();
+  for (const v1::AttributeChange& changed : delta.changed_instances())
+    change(changed.id()).attributes = changed.attributes();
 }
 
 // A list of targets may name existing instances only.

@@ -11,8 +11,9 @@
 
 namespace sightline {
 
-// Follows the ticks that a daemon has applied. A session that is opened with opening() and gets ticks() has the same scene, targets, settings,
-// limits, lens and clock as one that got every tick, and its camera is where the newest reply had it.
+// Follows the ticks that a daemon has applied. A session that is opened with opening() and gets ticks() has the same
+// scene, targets, settings, limits, lens and clock as one that got every tick, and its camera is where the newest reply
+// had it.
 //
 // The shot goes on. The camera's memory of the things that it had seen before is lost.
 class CameraSnapshot {
@@ -25,8 +26,8 @@ class CameraSnapshot {
 
   // The first message of the session that goes on: as at first, but with the camera where it is now.
   v1::OpenSession opening() const;
-  // The ticks that follow the opening; they get no replies of their own. `next_sequence` is that of the tick after them. None before the
-  // first reply.
+  // The ticks that follow the opening; they get no replies of their own. `next_sequence` is that of the tick after
+  // them. None before the first reply.
   std::vector<v1::Tick> ticks(uint64_t next_sequence) const;
 
  private:
@@ -55,7 +56,8 @@ class CameraSnapshot {
   v1::OpenSession first_;  // with the newest shot
   std::map<uint64_t, Change> changes_;
   uint64_t orders_ = 0;
-  v1::Tick terms_;  // the newest targets, lens, settings, limits and tuning, and how far the world has been shifted since the opening
+  // the newest targets, lens, settings, limits and tuning, and how far the world has been shifted since the opening
+  v1::Tick terms_;
   double time_s_ = 0.0;
   std::optional<v1::ObservedCamera> camera_;
   std::optional<v1::ShotReport> kept_;  // of the newest reply

@@ -66,7 +66,8 @@ void take_first_violation(const google::rpc::BadRequest& bad, Error& error) {
 Error error_from_status(const grpc::Status& status) {
   Error error{code_from_status(status.error_code()), "", status.error_message()};
   if (status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED) error.field = "deadline";
-  const bool not_trusted = status.error_code() == grpc::StatusCode::UNAUTHENTICATED || status.error_code() == grpc::StatusCode::PERMISSION_DENIED;
+  const bool not_trusted = status.error_code() == grpc::StatusCode::UNAUTHENTICATED ||
+                           status.error_code() == grpc::StatusCode::PERMISSION_DENIED;
   if (not_trusted) error.field = "credentials";
   google::rpc::Status details;
   if (!details.ParseFromString(status.error_details())) return error;

@@ -4,8 +4,10 @@
 
 namespace sightline::live {
 
-Display::Display(const v1::OpenSession& opening, double blend_s) : blend_s_(blend_s), places_(opening), centre_(places_.centre({})) {
-  shown_ = {read(opening.camera().position()), read(opening.camera().rotation()), opening.lens().field_of_view(), false};
+Display::Display(const v1::OpenSession& opening, double blend_s)
+    : blend_s_(blend_s), places_(opening), centre_(places_.centre({})) {
+  shown_ = {read(opening.camera().position()), read(opening.camera().rotation()), opening.lens().field_of_view(),
+            false};
   follower_ = Follower{offset(), {}, 0};  // there is no reply so far, so the camera follows from the start
 }
 
@@ -62,7 +64,8 @@ void Display::follow(uint64_t counts_from) {
 // No faster than the camera of the newest reply: targets that are put elsewhere do not throw it.
 Vector Display::relative_velocity() const {
   if (offsets_.size() < 2 || !newest_) return {};
-  const Vector velocity = times(1 / (offsets_[1].first - offsets_[0].first), minus(offsets_[1].second, offsets_[0].second));
+  const Vector velocity = times(1 / (offsets_[1].first - offsets_[0].first),
+                                minus(offsets_[1].second, offsets_[0].second));
   const double most = length(read(newest_->velocity())), speed = length(velocity);
   return speed <= most ? velocity : times(most / speed, velocity);
 }
@@ -104,7 +107,8 @@ CameraSample Display::followed(double time_s, const std::optional<Vector>& centr
 void Display::go_back(const CameraSample& followed, const CameraSample& daemon, double time_s) {
   follower_.reset();
   if (!has_followed_) return;
-  blend_ = Blend{time_s, minus(followed.position, daemon.position), turn_of(product(followed.rotation, inverse(daemon.rotation))),
+  blend_ = Blend{time_s, minus(followed.position, daemon.position),
+                 turn_of(product(followed.rotation, inverse(daemon.rotation))),
                  followed.field_of_view - daemon.field_of_view};
 }
 

@@ -1,5 +1,5 @@
-// The camera that the player sees: the replies as sampled, a camera that follows the targets while none come, and the way back. No clock and no network: times
-// are the game's, and the caller says whether the daemon is silent.
+// The camera that the player sees: the replies as sampled, a camera that follows the targets while none come, and the
+// way back. No clock and no network: times are the game's, and the caller says whether the daemon is silent.
 #pragma once
 
 #include <cstdint>
@@ -56,7 +56,7 @@ class Display {
   std::vector<std::pair<double, Vector>> offsets_;  // the camera minus the centre at the last two times
   std::optional<Follower> follower_;
   bool has_followed_ = false;  // since the follower began, it was shown
-  uint64_t counts_from_ = 0;  // replies to ticks from this number on end the fallback
+  uint64_t counts_from_ = 0;   // replies to ticks from this number on end the fallback
   std::optional<Blend> blend_;
   std::vector<std::pair<uint64_t, Vector>> shifts_;  // of the world, by ticks that no reply covers so far
   RecentMotion motion_;

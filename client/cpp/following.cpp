@@ -21,7 +21,8 @@ void TargetPlaces::shift(const Vector& by) {
 
 void TargetPlaces::apply(const v1::Tick& tick) {
   for (const uint64_t id : tick.delta().removed_ids()) positions_.erase(id);
-  for (const v1::NewInstance& added : tick.delta().added_instances()) positions_[added.id()] = read(added.pose().position());
+  for (const v1::NewInstance& added : tick.delta().added_instances())
+    positions_[added.id()] = read(added.pose().position());
   const v1::Transforms& moved = tick.transforms();
   for (int i = 0; i < moved.ids_size() && 3 * i + 2 < moved.positions_size(); ++i) {
     const Vector place{moved.positions(3 * i), moved.positions(3 * i + 1), moved.positions(3 * i + 2)};
@@ -32,7 +33,8 @@ void TargetPlaces::apply(const v1::Tick& tick) {
 
 void TargetPlaces::choose(const google::protobuf::RepeatedPtrField<v1::Target>& targets) {
   weights_.clear();
-  for (const v1::Target& target : targets) weights_.emplace_back(target.id(), target.has_weight() ? target.weight() : 1.0);
+  for (const v1::Target& target : targets)
+    weights_.emplace_back(target.id(), target.has_weight() ? target.weight() : 1.0);
 }
 
 std::vector<std::pair<uint64_t, double>> TargetPlaces::counted() const {
@@ -77,7 +79,8 @@ void RecentMotion::shift(const Vector& by) {
 
 Vector RecentMotion::velocity() const {
   std::vector<Vector> slower(velocities_.begin(), velocities_.end());
-  std::stable_sort(slower.begin(), slower.end(), [](const Vector& a, const Vector& b) { return length(a) < length(b); });
+  std::stable_sort(slower.begin(), slower.end(),
+                   [](const Vector& a, const Vector& b) { return length(a) < length(b); });
   if (!slower.empty()) slower.pop_back();
   Vector mean{};
   for (const Vector& step : slower) mean = plus(mean, times(1 / static_cast<double>(slower.size()), step));

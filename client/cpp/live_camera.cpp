@@ -21,8 +21,8 @@ constexpr milliseconds kShortestPause{40}, kLongestPause{200};
 
 }  // namespace
 
-// Both sides of a live camera: what the game calls, and the thread that owns the blocking Camera. The thread shares the ownership, because a daemon
-// that is stopped while it opens a session can hold the thread longer than close() waits.
+// Both sides of a live camera: what the game calls, and the thread that owns the blocking Camera. The thread shares the
+// ownership, because a daemon that is stopped while it opens a session can hold the thread longer than close() waits.
 class LiveCamera::Worker : public std::enable_shared_from_this<Worker> {
  public:
   Worker(std::vector<std::string> addresses, v1::OpenSession opening, LiveOptions options)
@@ -91,7 +91,8 @@ class LiveCamera::Worker : public std::enable_shared_from_this<Worker> {
 };
 
 Result<LiveView> LiveCamera::Worker::tick(v1::Tick tick) {
-  if (tick.step_control().merge_into_next()) return invalid("tick.step_control.merge_into_next", "a camera waits for a reply to each tick");
+  if (tick.step_control().merge_into_next())
+    return invalid("tick.step_control.merge_into_next", "a camera waits for a reply to each tick");
   if (tick.sequence() != 0) return invalid("tick.sequence", "a LiveCamera numbers its ticks");
   if (!std::isfinite(tick.time_s())) return invalid("tick.time_s", "must be finite");
   std::unique_lock lock(mutex_);
@@ -138,11 +139,13 @@ Status LiveCamera::Worker::take(v1::Tick& tick, bool idle) {
 }
 
 LiveView LiveCamera::Worker::view(double time_s, const Drawn& drawn, uint64_t counts_from) {
-  if (answered_ != sequence_ && steady_clock::now() - silent_since_ >= options_.fallback_after) display_.follow(counts_from);
+  if (answered_ != sequence_ && steady_clock::now() - silent_since_ >= options_.fallback_after)
+    display_.follow(counts_from);
   LiveView seen;
   std::tie(seen.shown, seen.source) = display_.show(time_s, drawn);
   seen.reply = display_.newest();
-  if (seen.source == LiveSource::kPredicted && seen.reply && seen.reply->sequence() == sequence_) seen.source = LiveSource::kReply;
+  if (seen.source == LiveSource::kPredicted && seen.reply && seen.reply->sequence() == sequence_)
+    seen.source = LiveSource::kReply;
   seen.age_s = std::max(time_s - (seen.reply ? seen.reply->time_s() : first_s_.value_or(time_s)), 0.0);
   seen.sequence = sequence_;
   seen.refusals = std::exchange(refusals_, {});
@@ -172,7 +175,8 @@ std::vector<v1::Tick> LiveCamera::Worker::next() {
   return waiting_.empty() ? std::vector<v1::Tick>{} : waiting_.take();
 }
 
-// Opens the session if need be, and gets the answer to the tick. False: the camera was closed, or no daemon takes the opening.
+// Opens the session if need be, and gets the answer to the tick. False: the camera was closed, or no daemon takes the
+// opening.
 bool LiveCamera::Worker::try_for_ever(const v1::Tick* tick) {
   const size_t resumes = this->resumes();
   for (milliseconds between = kShortestPause;; between = std::min(2 * between, kLongestPause)) {

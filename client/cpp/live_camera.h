@@ -1,10 +1,11 @@
 // A camera for a game loop: no call waits for long, with or without a daemon.
 //
-//   auto camera = sightline::LiveCamera::open({"127.0.0.1:50151"}, open);   // returns at once; a thread reaches the daemon
-//   auto view = camera.tick(tick);                                          // each frame; draw (*view).shown
+//   auto camera = sightline::LiveCamera::open({"127.0.0.1:50151"}, open);   // returns at once; a thread reaches the
+//   daemon auto view = camera.tick(tick);                                          // each frame; draw (*view).shown
 //
-// A tick returns the daemon's reply if it comes in time, else an earlier one brought up to date. When no daemon answers, the camera keeps its place
-// relative to the targets, without sight tests, and blends back when one does. The thread tries to reach a daemon for ever.
+// A tick returns the daemon's reply if it comes in time, else an earlier one brought up to date. When no daemon
+// answers, the camera keeps its place relative to the targets, without sight tests, and blends back when one does. The
+// thread tries to reach a daemon for ever.
 //
 // A camera must be used by one thread at a time. Nothing throws.
 #pragma once
@@ -28,7 +29,8 @@ struct LiveOptions {
   CameraOptions camera;
   // tick() waits at most so long for its answer; 0: not at all.
   std::chrono::milliseconds wait{100};
-  // Without an answer for so long, the camera follows the targets by itself. It must be longer than the way to the daemon and back.
+  // Without an answer for so long, the camera follows the targets by itself. It must be longer than the way to the
+  // daemon and back.
   std::chrono::milliseconds fallback_after{300};
   // So long the way back takes, in game time.
   std::chrono::milliseconds blend{500};
@@ -69,9 +71,10 @@ class LiveCamera {
   LiveCamera(LiveCamera&&) noexcept;
   LiveCamera& operator=(LiveCamera&&) noexcept;
 
-  // Tells the daemon what has changed, and returns the camera to draw. Waits for the answer at most LiveOptions::wait, and not at all while
-  // an earlier tick is unanswered. The camera numbers ticks. Errors: kInvalidArgument for a tick that has a sequence, merges into the next one, or
-  // whose time is not finite; kResourceExhausted (field "tick") when 4,096 ticks wait, and the error of an opening that no daemon accepts.
+  // Tells the daemon what has changed, and returns the camera to draw. Waits for the answer at most LiveOptions::wait,
+  // and not at all while an earlier tick is unanswered. The camera numbers ticks. Errors: kInvalidArgument for a tick
+  // that has a sequence, merges into the next one, or whose time is not finite; kResourceExhausted (field "tick") when
+  // 4,096 ticks wait, and the error of an opening that no daemon accepts.
   Result<LiveView> tick(v1::Tick tick);
 
   // The camera to draw between ticks, at a game time near the newest tick's. Never waits.

@@ -44,7 +44,8 @@ bool PoseSampler::add(const v1::CameraReply& reply) {
   cut_ = cut_ || reply.cut();
   const v1::RelativePose& relative = reply.relative_pose();
   const CameraSample pose{read(reply.pose().position()), read(reply.pose().rotation()), reply.field_of_view(), false};
-  newest_ = Newest{reply.pose_time_s(), pose, read(reply.velocity()), read(reply.angular_velocity()), relative.target_id(), {}};
+  newest_ = Newest{reply.pose_time_s(),  pose, read(reply.velocity()), read(reply.angular_velocity()),
+                   relative.target_id(), {}};
   if (relative.target_id() != 0 && relative.has_unrotated_pose())
     newest_->target = minus(pose.position, read(relative.unrotated_pose().position()));
   return true;
@@ -64,7 +65,8 @@ std::optional<CameraSample> PoseSampler::sample(double time_s, const std::option
     shift_ = turn_ = {};
     zoom_ = 0;
   } else if (former_) {
-    const CameraSample before = former_->at(time_s, former_->target_id == newest_->target_id ? target_position : std::nullopt);
+    const CameraSample before = former_->at(time_s,
+                                            former_->target_id == newest_->target_id ? target_position : std::nullopt);
     shift_ = plus(shift_, minus(before.position, shown.position));
     turn_ = turn_of(product(product(rotation_of(turn_), before.rotation), inverse(shown.rotation)));
     zoom_ += before.field_of_view - shown.field_of_view;

@@ -1,7 +1,8 @@
 // The camera at the time of drawing, from replies that come less often and late. client/SAMPLING.md states the rules.
 //
 //   sampler.add(reply);                                 // each reply, as it comes
-//   auto shown = sampler.sample(time_s, target);        // each frame: game time, and where sampler.target_id() is drawn
+//   auto shown = sampler.sample(time_s, target);        // each frame: game time, and where sampler.target_id() is
+//   drawn
 //
 // It only computes: no clock, no network, no thread.
 #pragma once
@@ -34,8 +35,8 @@ class PoseSampler {
   // The client's world has a new origin: the replies that were added lie elsewhere now (Tick.world_shift).
   void shift(const std::array<double, 3>& by);
 
-  // The camera at a game time; nothing: there is no reply so far. `target_position`: where target_id() is at that time; without it, only
-  // velocities carry the camera on.
+  // The camera at a game time; nothing: there is no reply so far. `target_position`: where target_id() is at that time;
+  // without it, only velocities carry the camera on.
   std::optional<CameraSample> sample(double time_s, const std::optional<std::array<double, 3>>& target_position = {});
 
  private:

@@ -1,5 +1,5 @@
-// Arithmetic of vectors and rotations, for the sampler and the camera that never waits. The same formulae hold in right-handed and in left-handed
-// frames, because the contract states turns by the frame's own rule.
+// Arithmetic of vectors and rotations, for the sampler and the camera that never waits. The same formulae hold in
+// right-handed and in left-handed frames, because the contract states turns by the frame's own rule.
 #pragma once
 
 #include <array>

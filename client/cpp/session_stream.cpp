@@ -8,11 +8,9 @@ void show_token(grpc::ClientContext& context, const std::string& token) {
   if (!token.empty()) context.AddMetadata("authorization", "Bearer " + token);
 }
 
-ClientSession::Stream::Stream(std::shared_ptr<grpc::Channel> channel, const std::string& token, v1::ControlRequest first,
-                              Handler handler)
-    : channel_(std::move(channel)),
-      stub_(v1::CameraControlService::NewStub(channel_)),
-      handler_(std::move(handler)) {
+ClientSession::Stream::Stream(std::shared_ptr<grpc::Channel> channel, const std::string& token,
+                              v1::ControlRequest first, Handler handler)
+    : channel_(std::move(channel)), stub_(v1::CameraControlService::NewStub(channel_)), handler_(std::move(handler)) {
   show_token(context_, token);
   stub_->async()->Control(&context_, this);
   // send() starts writes outside of gRPC's callbacks, so the stream is held open until the last write.

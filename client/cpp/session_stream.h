@@ -1,4 +1,5 @@
-// The stream of a ClientSession: connects gRPC's callback API with a queue of ticks to send and a queue of events to read.
+// The stream of a ClientSession: connects gRPC's callback API with a queue of ticks to send and a queue of events to
+// read.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -15,7 +16,8 @@ namespace sightline {
 // Adds the token of a client to a call; an empty one is none.
 void show_token(grpc::ClientContext& context, const std::string& token);
 // What a channel to the address needs, or kInvalidArgument (field "token") rather than send a token unencrypted.
-Result<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(const ClientCredentials& credentials, const std::string& address);
+Result<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(const ClientCredentials& credentials,
+                                                                      const std::string& address);
 
 // The constructor starts the call; the destructor cancels it and waits for its end.
 class ClientSession::Stream final : public grpc::ClientBidiReactor<v1::ControlRequest, v1::ControlResponse> {

@@ -16,8 +16,7 @@ constexpr int kMaxReplyBytes = 64 << 20;
 constexpr size_t kChunkBytes = 512 << 10;
 
 std::chrono::system_clock::time_point deadline_after(std::chrono::nanoseconds timeout) {
-  return std::chrono::system_clock::now() +
-         std::chrono::duration_cast<std::chrono::system_clock::duration>(timeout);
+  return std::chrono::system_clock::now() + std::chrono::duration_cast<std::chrono::system_clock::duration>(timeout);
 }
 
 void prepare(grpc::ClientContext& context, std::chrono::system_clock::time_point deadline, const std::string& token) {
@@ -27,9 +26,11 @@ void prepare(grpc::ClientContext& context, std::chrono::system_clock::time_point
 
 }  // namespace
 
-Result<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(const ClientCredentials& credentials, const std::string& address) {
+Result<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(const ClientCredentials& credentials,
+                                                                      const std::string& address) {
   const bool local = address.starts_with("unix:");
-  if (!credentials.token.empty() && !credentials.tls && !local) return invalid("token", "is sent only over TLS or a unix socket");
+  if (!credentials.token.empty() && !credentials.tls && !local)
+    return invalid("token", "is sent only over TLS or a unix socket");
   if (!credentials.tls || local) return grpc::InsecureChannelCredentials();
   grpc::SslCredentialsOptions options;
   options.pem_root_certs = credentials.roots;
@@ -76,7 +77,7 @@ Result<Client> Client::connect(const std::string& address, std::chrono::nanoseco
 }
 
 Result<v1::UploadSceneResponse> Client::upload_scene(std::span<const std::byte> file,
-                                                  std::chrono::nanoseconds timeout) {
+                                                     std::chrono::nanoseconds timeout) {
   grpc::ClientContext context;
   prepare(context, deadline_after(timeout), connection_->token);
   v1::UploadSceneResponse reply;
@@ -135,7 +136,8 @@ Result<std::unique_ptr<ClientSession>> Client::open_session(const v1::OpenSessio
   return start_session(std::move(first), timeout, std::move(handler));
 }
 
-Result<std::unique_ptr<ClientSession>> Client::resume_session(const v1::ResumeSession& request, std::chrono::nanoseconds timeout,
+Result<std::unique_ptr<ClientSession>> Client::resume_session(const v1::ResumeSession& request,
+                                                              std::chrono::nanoseconds timeout,
                                                               ClientSession::Handler handler) {
   v1::ControlRequest first;
   *first.mutable_resume() = request;
@@ -144,7 +146,8 @@ Result<std::unique_ptr<ClientSession>> Client::resume_session(const v1::ResumeSe
 
 Result<std::unique_ptr<ClientSession>> Client::start_session(v1::ControlRequest first, std::chrono::nanoseconds timeout,
                                                              ClientSession::Handler handler) {
-  auto stream = std::make_unique<ClientSession::Stream>(connection_->channel, connection_->token, std::move(first), std::move(handler));
+  auto stream = std::make_unique<ClientSession::Stream>(connection_->channel, connection_->token, std::move(first),
+                                                        std::move(handler));
   auto opened = stream->wait_opened(timeout);
   if (!opened) return tl::unexpected(opened.error());
   return std::unique_ptr<ClientSession>(new ClientSession(std::move(stream), std::move(*opened)));

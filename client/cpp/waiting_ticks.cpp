@@ -20,7 +20,9 @@ bool are_finite(const auto& values) {
   return std::all_of(values.begin(), values.end(), [](double value) { return std::isfinite(value); });
 }
 
-bool is_none_or(int expected, int size) { return size == 0 || size == expected; }
+bool is_none_or(int expected, int size) {
+  return size == 0 || size == expected;
+}
 
 // All numbers are there and finite, and no id comes twice.
 bool is_whole(const v1::Transforms& moved) {
@@ -28,7 +30,8 @@ bool is_whole(const v1::Transforms& moved) {
   if (moved.positions_size() != 3 * n || !is_none_or(4 * n, moved.rotations_size())) return false;
   if (!is_none_or(3 * n, moved.velocities_size()) || !is_none_or(3 * n, moved.angular_velocities_size())) return false;
   if (std::set<uint64_t>(moved.ids().begin(), moved.ids().end()).size() != static_cast<size_t>(n)) return false;
-  return are_finite(moved.positions()) && are_finite(moved.rotations()) && are_finite(moved.velocities()) && are_finite(moved.angular_velocities());
+  return are_finite(moved.positions()) && are_finite(moved.rotations()) && are_finite(moved.velocities()) &&
+         are_finite(moved.angular_velocities());
 }
 
 }  // namespace
@@ -58,12 +61,14 @@ std::vector<v1::Tick> WaitingTicks::Entry::ticks() const {
   return ticks;
 }
 
-// Several ticks where need be: a message has rotations for all of its instances or for none, and so with velocities and angular velocities.
-// Each part takes the number of a tick. Where there are fewer ticks than parts, the ticks go as they came.
+// Several ticks where need be: a message has rotations for all of its instances or for none, and so with velocities and
+// angular velocities. Each part takes the number of a tick. Where there are fewer ticks than parts, the ticks go as
+// they came.
 std::vector<v1::Tick> WaitingTicks::Entry::parts() const {
   std::vector<std::pair<uint64_t, const Place*>> ordered;
   for (const auto& [id, place] : places) ordered.emplace_back(id, &place);
-  std::sort(ordered.begin(), ordered.end(), [](const auto& a, const auto& b) { return a.second->order < b.second->order; });
+  std::sort(ordered.begin(), ordered.end(),
+            [](const auto& a, const auto& b) { return a.second->order < b.second->order; });
   std::map<std::array<bool, 3>, size_t> kinds;
   std::vector<v1::Tick> parts;
   for (const auto& [id, place] : ordered) {
@@ -91,7 +96,8 @@ Status WaitingTicks::add(const v1::Tick& tick) {
   const double passed_s = tick.has_dt_s() ? tick.dt_s() : time_s_ ? tick.time_s() - *time_s_ : 0;
   const bool plain = is_plain(tick);
   if (!plain || entries_.empty() || entries_.back().kept) {
-    if (entries_.size() >= kMost) return fail(ErrorCode::kResourceExhausted, "tick", std::to_string(kMost) + " ticks wait for a daemon");
+    if (entries_.size() >= kMost)
+      return fail(ErrorCode::kResourceExhausted, "tick", std::to_string(kMost) + " ticks wait for a daemon");
     entries_.emplace_back();
     if (!plain) entries_.back().kept = tick;
   }
@@ -113,7 +119,8 @@ std::vector<v1::Tick> WaitingTicks::take() {
 
 // Only a tick that a daemon is likely to take is folded.
 bool WaitingTicks::is_plain(const v1::Tick& tick) const {
-  if (tick.observed_camera().cut() || !std::isfinite(tick.time_s()) || !std::isfinite(tick.dt_s()) || tick.dt_s() < 0) return false;
+  if (tick.observed_camera().cut() || !std::isfinite(tick.time_s()) || !std::isfinite(tick.dt_s()) || tick.dt_s() < 0)
+    return false;
   if ((time_s_ && tick.time_s() < *time_s_) || !is_whole(tick.transforms())) return false;
   v1::Tick rest = tick;
   rest.clear_sequence();

@@ -1,5 +1,6 @@
-// Ticks that wait for a daemon that is late or away, in their order. Those that carry only time and places, and perhaps an observed camera that is no
-// cut, fold into one: the newest place counts for each id. Every other tick is kept whole, so that a refusal hits it alone.
+// Ticks that wait for a daemon that is late or away, in their order. Those that carry only time and places, and perhaps
+// an observed camera that is no cut, fold into one: the newest place counts for each id. Every other tick is kept
+// whole, so that a refusal hits it alone.
 #pragma once
 
 #include <cstdint>
@@ -41,7 +42,7 @@ class WaitingTicks {
     std::optional<v1::Tick> kept;
     uint64_t sequence = 0;
     double time_s = 0, dt_s = 0;
-    bool has_dt = false;  // some tick said its dt_s
+    bool has_dt = false;           // some tick said its dt_s
     std::vector<v1::Tick> folded;  // the first kMostParts
     std::map<uint64_t, Place> places;
     std::optional<v1::ObservedCamera> observed;   // of the newest tick

@@ -37,7 +37,8 @@ Result<fs::path> folder_for(const std::string& asked) {
   std::error_code none;
   for (const fs::path& folder : {fs::path("sightline-demo"), fs::temp_directory_path(none) / "sightline-demo"})
     if (can_write(folder)) return folder;
-  return fail(ErrorCode::kUnavailable, "--out", "needs a folder that user " + std::to_string(::getuid()) + " can write");
+  return fail(ErrorCode::kUnavailable, "--out",
+              "needs a folder that user " + std::to_string(::getuid()) + " can write");
 }
 
 Status write_file(const fs::path& path, const std::vector<std::byte>& bytes) {
@@ -55,7 +56,8 @@ class DemoDaemon {
     std::error_code none;
     fs::remove(ready, none);
     fs::remove(log, none);
-    auto process = ChildProcess::start(program, {"--listen", "127.0.0.1:0", "--sampler", sampler, "--ready-file", ready}, log);
+    auto process = ChildProcess::start(program,
+                                       {"--listen", "127.0.0.1:0", "--sampler", sampler, "--ready-file", ready}, log);
     if (!process) return tl::unexpected(process.error());
     auto address = (*process)->wait_for_line(ready, 60s);
     if (!address) return tl::unexpected(address.error());
@@ -89,9 +91,11 @@ Status play(const DemoOptions& options, std::ostream& out, std::ostream& err) {
   drive.picture_every = kJudgedEvery;
   drive.json = options.json;
   drive.progress = options.progress;
-  if (run_drive_command(drive, out, err) != 0) return fail(ErrorCode::kUnavailable, "", "the scene was not played to its end");
+  if (run_drive_command(drive, out, err) != 0)
+    return fail(ErrorCode::kUnavailable, "", "the scene was not played to its end");
   if (options.out.empty() && folder->is_absolute() && !options.json)
-    out << "The working folder cannot be written, so the files are in " << folder->string() << ". In a container, mount a folder and give --out.\n";
+    out << "The working folder cannot be written, so the files are in " << folder->string()
+        << ". In a container, mount a folder and give --out.\n";
   return {};
 }
 
@@ -114,13 +118,15 @@ Verb add_demo_verb(CLI::App& app, const std::string& program) {
   auto options = std::make_shared<DemoOptions>();
   options->progress = isatty(STDERR_FILENO) != 0;
   options->daemon = fs::path(program).replace_filename("sightlined").string();
-  CLI::App* demo = app.add_subcommand(
-      "demo", "Start a daemon, let it steer a camera through a generated scene, print how well it did, and write a page of the session");
+  CLI::App* demo = app.add_subcommand("demo",
+                                      "Start a daemon, let it steer a camera through a generated scene, print how well "
+                                      "it did, and write a page of the session");
   demo->add_option("--scene", options->scene, "A generated scene by name, for example rooms or hall")
       ->check(CLI::IsMember(scene_names()))
       ->capture_default_str();
   demo->add_option("--out", options->out,
-                   "Folder for the page, the scene and the other files of sightline drive (default: sightline-demo in the working folder, or "
+                   "Folder for the page, the scene and the other files of sightline drive (default: sightline-demo in "
+                   "the working folder, or "
                    "in the temporary folder when that cannot be written)");
   demo->add_option("--duration", options->duration_s, "Seconds of the scene to play")
       ->check(CLI::Range(0.1, 3600.0))
@@ -129,7 +135,8 @@ Verb add_demo_verb(CLI::App& app, const std::string& program) {
       ->check(CLI::IsMember({"auto", "egl", "embree"}))
       ->capture_default_str();
   demo->add_option("--daemon", options->daemon, "The program sightlined (default: beside this program)");
-  demo->add_flag("--json", options->json, "One JSON object at the end instead of text, as sightline drive --json prints it");
+  demo->add_flag("--json", options->json,
+                 "One JSON object at the end instead of text, as sightline drive --json prints it");
   return {demo, [options] { return run_demo_command(*options, std::cout, std::cerr); }};
 }
 

@@ -1,5 +1,5 @@
-// `sightline demo`: starts a daemon and lets it steer a camera through a generated scene. Then it prints a table of how well the camera did
-// beside a plain follow camera, and leaves the page of the session.
+// `sightline demo`: starts a daemon and lets it steer a camera through a generated scene. Then it prints a table of how
+// well the camera did beside a plain follow camera, and leaves the page of the session.
 #pragma once
 
 #include <ostream>
@@ -12,7 +12,8 @@ namespace sightline {
 
 struct DemoOptions {
   std::string scene = "rooms";  // name of a generated scene
-  std::string out;              // folder for the files; empty: a folder of the working folder, or of the temporary folder
+  // folder for the files; empty: a folder of the working folder, or of the temporary folder
+  std::string out;
   std::string sampler = "auto";
   std::string daemon;        // path of sightlined
   double duration_s = 12.0;  // of the scene, > 0

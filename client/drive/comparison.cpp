@@ -18,7 +18,8 @@ double least_visible(const PictureTruth& picture) {
   return least;
 }
 
-void place_row(Picture& whole, ScenarioWorld& world, std::span<const CameraFrame> frames, int width, int top, const char* label) {
+void place_row(Picture& whole, ScenarioWorld& world, std::span<const CameraFrame> frames, int width, int top,
+               const char* label) {
   draw_text(whole, 2 * kGap, top + kLabelScale, kLabelScale, label, kLabelColour);
   for (size_t i = 0; i < frames.size(); ++i)
     paste(whole, draw_frame(world, frames[i], width), static_cast<int>(i) * (width + kGap), top + kLabelHeight);
@@ -26,7 +27,8 @@ void place_row(Picture& whole, ScenarioWorld& world, std::span<const CameraFrame
 
 }  // namespace
 
-std::vector<size_t> telling_frames(std::span<const FrameTruth> follow, std::span<const FrameTruth> sightline, size_t count) {
+std::vector<size_t> telling_frames(std::span<const FrameTruth> follow, std::span<const FrameTruth> sightline,
+                                   size_t count) {
   std::vector<std::vector<size_t>> runs(1);
   std::optional<size_t> widest;
   double widest_difference = 0.0;
@@ -48,7 +50,8 @@ std::vector<size_t> telling_frames(std::span<const FrameTruth> follow, std::span
   return frames;
 }
 
-Picture comparison(ScenarioWorld& world, std::span<const CameraFrame> follow, std::span<const CameraFrame> sightline, int width) {
+Picture comparison(ScenarioWorld& world, std::span<const CameraFrame> follow, std::span<const CameraFrame> sightline,
+                   int width) {
   const Picture first = draw_frame(world, follow.front(), width);
   const int row_height = kLabelHeight + first.height, columns = static_cast<int>(follow.size());
   Picture whole(columns * width + (columns - 1) * kGap, 2 * row_height, kGround);

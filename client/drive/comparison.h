@@ -4,9 +4,9 @@
 #include <span>
 #include <vector>
 
-#include "client/truth/judge.h"
 #include "client/page/picture.h"
 #include "client/scenario/scenario_world.h"
+#include "client/truth/judge.h"
 
 namespace sightline {
 
@@ -14,10 +14,12 @@ namespace sightline {
 // the difference; the longest runs are taken. In such a run the follow camera sees less than 5 % of some target, and
 // Sightline sees at least 95 % of every target. Without such a run, the result is the frame at which their least
 // visible shares differ most. Both spans judge the same frames; the result is empty when none was judged.
-std::vector<size_t> telling_frames(std::span<const FrameTruth> follow, std::span<const FrameTruth> sightline, size_t count);
+std::vector<size_t> telling_frames(std::span<const FrameTruth> follow, std::span<const FrameTruth> sightline,
+                                   size_t count);
 
-// The follow camera's pictures in a row, and Sightline's of the same moments in a row below, each `width` pixels wide. Both spans
-// have the same length, at least 1. `world` is left at the time of the last frame.
-Picture comparison(ScenarioWorld& world, std::span<const CameraFrame> follow, std::span<const CameraFrame> sightline, int width);
+// The follow camera's pictures in a row, and Sightline's of the same moments in a row below, each `width` pixels wide.
+// Both spans have the same length, at least 1. `world` is left at the time of the last frame.
+Picture comparison(ScenarioWorld& world, std::span<const CameraFrame> follow, std::span<const CameraFrame> sightline,
+                   int width);
 
 }  // namespace sightline

@@ -7,19 +7,19 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "client/page/contact_sheet.h"
+#include "client/base/progress_bar.h"
+#include "client/base/wire_presets.h"
 #include "client/drive/comparison.h"
 #include "client/drive/page.h"
-#include "client/truth/follow.h"
-#include "client/truth/metrics.h"
 #include "client/drive/player.h"
-#include "client/base/progress_bar.h"
 #include "client/drive/report.h"
+#include "client/drive/trace.h"
+#include "client/page/contact_sheet.h"
 #include "client/scenario/scenario_limits.h"
 #include "client/scenario/scenario_session.h"
-#include "client/drive/trace.h"
-#include "client/base/wire_presets.h"
 #include "client/shots/named_shots.h"
+#include "client/truth/follow.h"
+#include "client/truth/metrics.h"
 #include "server/base/cpu_budget.h"
 #include "server/scene/confined_folder.h"
 
@@ -165,8 +165,7 @@ class Drive {
   Status write_files() {
     print_table(out_, run_.metrics, follow_, frames_);
     const std::filesystem::path folder(options_.out);
-    const std::string trace = folder / "trace.csv", metrics = folder / "metrics.json",
-                      sheet = folder / "contact.png";
+    const std::string trace = folder / "trace.csv", metrics = folder / "metrics.json", sheet = folder / "contact.png";
     std::ofstream trace_file(trace), metrics_file(metrics);
     write_trace(trace_file, *scenario_, frames_, run_.truths);
     metrics_file << "{\"sightline\": " << to_json(run_.metrics);
@@ -187,9 +186,15 @@ class Drive {
   }
 
   void write_json() const {
-    const Json sightline = Json::parse(to_json(run_.metrics)), follow = follow_ ? Json::parse(to_json(*follow_)) : Json();
-    const Json json{{"session", opened_.session_id()}, {"sampler", opened_.sampler()}, {"sightline", sightline},  {"follow", follow},
-                    {"latency", latency_json(frames_)}, {"files", files_},             {"warnings", warnings_}};
+    const Json sightline = Json::parse(to_json(run_.metrics)),
+               follow = follow_ ? Json::parse(to_json(*follow_)) : Json();
+    const Json json{{"session", opened_.session_id()},
+                    {"sampler", opened_.sampler()},
+                    {"sightline", sightline},
+                    {"follow", follow},
+                    {"latency", latency_json(frames_)},
+                    {"files", files_},
+                    {"warnings", warnings_}};
     // Names come from the scene: what is no text is replaced, not refused.
     json_out_ << json.dump(2, ' ', false, Json::error_handler_t::replace) << '\n';
   }

@@ -11,21 +11,24 @@
 namespace sightline {
 
 struct DriveOptions {
-  std::string scenario;     // path
-  std::string server;       // address
+  std::string scenario;  // path
+  std::string server;    // address
   ConnectionFlags connection = {};
   double rate_hz = 60.0;    // (0, 1000]
   double duration_s = 0.0;  // 0: the animation's
   uint64_t seed = 1;
-  std::string preset = "sightline";  // what the session's settings start from, of preset_names() (client/base/wire_presets.h)
-  std::string shot;                  // see read_shot_text (client/shots/named_shots.h); empty: the scenario's first pose
-  std::string out = "out";           // folder for trace.csv, metrics.json, contact.png and comparison.png; made when missing
-  std::string page;                  // file for the page of the session (session_page.h); empty: none
-  bool lockstep = false;             // --fast
-  bool truth = true;                 // judge the run and the follow baseline
-  int picture_every = 1;             // judge every n-th frame's picture
-  bool json = false;                 // one JSON object on `out` instead of text
-  bool progress = false;             // a bar on `err`
+  // what the session's settings start from, of preset_names() (client/base/wire_presets.h)
+  std::string preset = "sightline";
+  // see read_shot_text (client/shots/named_shots.h); empty: the scenario's first pose
+  std::string shot;
+  // folder for trace.csv, metrics.json, contact.png and comparison.png; made when missing
+  std::string out = "out";
+  std::string page;       // file for the page of the session (session_page.h); empty: none
+  bool lockstep = false;  // --fast
+  bool truth = true;      // judge the run and the follow baseline
+  int picture_every = 1;  // judge every n-th frame's picture
+  bool json = false;      // one JSON object on `out` instead of text
+  bool progress = false;  // a bar on `err`
 };
 
 // 0 when the run was played to its end and all files were written, else 1 with the reason on `err`.

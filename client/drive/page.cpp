@@ -53,8 +53,7 @@ Result<std::string> record(const DrivenSession& driven, const std::string& title
   const auto* file = reinterpret_cast<const char*>(driven.scene_file.data());
   Status done = writer.write(driven.open, start_ns);
   if (done) done = writer.write(driven.opened, start_ns);
-  if (done)
-    done = writer.attach({"upload/" + driven.open.scene().hash(), {file, driven.scene_file.size()}}, start_ns);
+  if (done) done = writer.attach({"upload/" + driven.open.scene().hash(), {file, driven.scene_file.size()}}, start_ns);
   if (done) done = write_frames(driven, start_ns, writer);
   if (!done) return tl::unexpected(done.error());
   return sink.bytes();
@@ -63,8 +62,7 @@ Result<std::string> record(const DrivenSession& driven, const std::string& title
 // The page shows the truth where the drive judged a picture, and nowhere else.
 void add_truth(const DrivenSession& driven, SessionPage& page) {
   std::unordered_map<uint64_t, const FrameTruth*> truths;  // by sequence
-  for (size_t i = 0; i < driven.frames.size(); ++i)
-    truths[driven.frames[i].reply.sequence()] = &driven.truths[i];
+  for (size_t i = 0; i < driven.frames.size(); ++i) truths[driven.frames[i].reply.sequence()] = &driven.truths[i];
   for (PageFrame& frame : page.frames) {
     const FrameTruth& truth = *truths.at(frame.sequence);
     frame.clearance_m = truth.body.clearance_m;

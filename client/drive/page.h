@@ -1,5 +1,5 @@
-// The page of a drive. The drive becomes a recording in memory, and the code of `sightline report` makes the page from it.
-// Then the truth, the baseline's figures and the tick rate are added.
+// The page of a drive. The drive becomes a recording in memory, and the code of `sightline report` makes the page from
+// it. Then the truth, the baseline's figures and the tick rate are added.
 #pragma once
 
 #include <functional>
@@ -8,8 +8,8 @@
 #include <string>
 
 #include "client/drive/player.h"
-#include "client/truth/metrics.h"
 #include "client/page/session_page.h"
+#include "client/truth/metrics.h"
 
 namespace sightline {
 

@@ -31,8 +31,7 @@ class Player {
         if (auto answered = take_reply_to(k); !answered) return tl::unexpected(answered.error());
     }
     if (!sent_at_.empty())
-      if (auto answered = take_reply_to(sent_at_.size() - 1); !answered)
-        return tl::unexpected(answered.error());
+      if (auto answered = take_reply_to(sent_at_.size() - 1); !answered) return tl::unexpected(answered.error());
     return std::move(frames_);
   }
 
@@ -61,16 +60,14 @@ class Player {
     while (frames_.empty() || frames_.back().reply.sequence() < k + 1) {
       auto event = session_.receive(kReplyTimeout);
       if (!event) return tl::unexpected(event.error());
-      if (!*event)
-        return fail(ErrorCode::kUnavailable, "deadline", "no reply to tick " + std::to_string(k + 1));
+      if (!*event) return fail(ErrorCode::kUnavailable, "deadline", "no reply to tick " + std::to_string(k + 1));
       if (auto taken = take(std::move(**event)); !taken) return taken;
     }
     return {};
   }
 
   Status take(SessionEvent event) {
-    if (const auto* rejection = std::get_if<v1::TickError>(&event))
-      return tl::unexpected(to_error(*rejection));
+    if (const auto* rejection = std::get_if<v1::TickError>(&event)) return tl::unexpected(to_error(*rejection));
     if (const auto* drain = std::get_if<v1::Drain>(&event))
       return fail(ErrorCode::kUnavailable, "session", "the server is going away: " + drain->reason());
     return take_camera(std::move(std::get<v1::CameraReply>(event)));
@@ -81,13 +78,11 @@ class Player {
       return fail(ErrorCode::kInternal, "reply.sequence", "answers a tick that was not sent");
     PlayedFrame played;
     const Clock::time_point now = Clock::now();
-    played.latency_ms =
-        std::chrono::duration<double, std::milli>(now - sent_at_[reply.sequence() - 1]).count();
+    played.latency_ms = std::chrono::duration<double, std::milli>(now - sent_at_[reply.sequence() - 1]).count();
     played.received_s = std::chrono::duration<double>(now - start_).count();
     Lens lens = scenario_.lens();
     lens.vertical_fov_rad = reply.field_of_view();
-    played.frame = {reply.pose_time_s(), pose_from(reply.pose()), lens,
-                    reply.cut() || reply.flags().dt_capped()};
+    played.frame = {reply.pose_time_s(), pose_from(reply.pose()), lens, reply.cut() || reply.flags().dt_capped()};
     played.reply = std::move(reply);
     frames_.push_back(std::move(played));
     if (options_.on_frame) options_.on_frame(frames_);
@@ -112,8 +107,7 @@ v1::Tick played_tick(const Scenario& scenario, const PlayOptions& options, size_
   return tick_at(scenario, k + 1, time_of(k, options), 1.0 / options.rate_hz);
 }
 
-Result<std::vector<PlayedFrame>> play(const Scenario& scenario, ClientSession& session,
-                                      const PlayOptions& options) {
+Result<std::vector<PlayedFrame>> play(const Scenario& scenario, ClientSession& session, const PlayOptions& options) {
   return Player(scenario, session, options).run();
 }
 

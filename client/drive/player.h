@@ -4,9 +4,9 @@
 #include <functional>
 #include <vector>
 
-#include "client/truth/judge.h"
-#include "client/scenario/scenario.h"
 #include "client/cpp/sightline_client.h"
+#include "client/scenario/scenario.h"
+#include "client/truth/judge.h"
 
 namespace sightline {
 
@@ -33,7 +33,6 @@ v1::Tick played_tick(const Scenario& scenario, const PlayOptions& options, size_
 
 // All replies in order: as many as ticks in lockstep, fewer where the server merged. Fails when a tick is
 // refused, when the server drains, when no reply comes for 10 s, and when the stream ends.
-Result<std::vector<PlayedFrame>> play(const Scenario& scenario, ClientSession& session,
-                                      const PlayOptions& options);
+Result<std::vector<PlayedFrame>> play(const Scenario& scenario, ClientSession& session, const PlayOptions& options);
 
 }  // namespace sightline

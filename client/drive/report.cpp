@@ -48,7 +48,8 @@ Latencies latencies_of(std::span<const PlayedFrame> frames) {
 nlohmann::ordered_json latency_json(std::span<const PlayedFrame> frames) {
   const auto [reply_ms, step_ms, merged] = latencies_of(frames);
   const auto spread = [](const std::vector<double>& values) {
-    return nlohmann::ordered_json{{"p50", percentile(values, 0.50)}, {"p95", percentile(values, 0.95)}, {"p99", percentile(values, 0.99)}};
+    return nlohmann::ordered_json{
+        {"p50", percentile(values, 0.50)}, {"p95", percentile(values, 0.95)}, {"p99", percentile(values, 0.99)}};
   };
   return {{"reply_ms", spread(reply_ms)}, {"step_ms", spread(step_ms)}, {"merged_ticks", merged}};
 }
@@ -66,8 +67,8 @@ std::vector<FigureRow> latency_rows(std::span<const PlayedFrame> frames) {
 
 void print_table(std::ostream& out, const RunMetrics& run, const std::optional<RunMetrics>& follow,
                  std::span<const PlayedFrame> frames) {
-  out << formatted("%zu frames, %zu of them judged by a %d x %d re-render\n", run.frames, run.pictures,
-                   kTruthSize, kTruthSize);
+  out << formatted("%zu frames, %zu of them judged by a %d x %d re-render\n", run.frames, run.pictures, kTruthSize,
+                   kTruthSize);
   std::vector<std::string> columns{"sightline"};
   if (follow) columns.emplace_back("follow");
   print_rows(out, columns, truth_rows(run, follow));

@@ -19,7 +19,8 @@ std::string summary_line(const Scenario& scenario, const PlayedFrame& frame);
 // Latencies of the run itself, without the baseline.
 std::vector<FigureRow> latency_rows(std::span<const PlayedFrame> frames);
 
-// The same figures in milliseconds: `reply_ms` (tick sent to reply received) and `step_ms`, each with p50, p95 and p99; and `merged_ticks`.
+// The same figures in milliseconds: `reply_ms` (tick sent to reply received) and `step_ms`, each with p50, p95 and p99;
+// and `merged_ticks`.
 nlohmann::ordered_json latency_json(std::span<const PlayedFrame> frames);
 
 // One column for the run and, where it was judged, one for `follow`; then latencies.

@@ -22,8 +22,8 @@ void write_header(std::ostream& out, const Scenario& scenario) {
          "body_overlap,latency_ms,queue_us,scene_us,bound_us,sample_us,aggregate_us,move_us,total_us,"
          "clearance_m,crossed,r_n,r_p,r_p_tolerant";
   for (const ScenarioActor& target : scenario.targets())
-    for (const char* column : {"state", "visible_share", "in_picture", "distance_m", "occluder",
-                               "occluder_share", "true_alone_px", "true_visible_px", "true_visible_share"})
+    for (const char* column : {"state", "visible_share", "in_picture", "distance_m", "occluder", "occluder_share",
+                               "true_alone_px", "true_visible_px", "true_visible_share"})
       out << ',' << csv(target.name + "." + column);
   out << '\n';
 }
@@ -33,21 +33,20 @@ void write_reply(std::ostream& out, const v1::CameraReply& reply) {
   const auto& r = reply.pose().rotation();
   const auto& v = reply.velocity();
   const auto& counts = reply.candidate_counts();
-  out << reply.sequence() << ',' << reply.time_s() << ',' << reply.pose_time_s() << ',' << p.x() << ','
-      << p.y() << ',' << p.z() << ',' << r.x() << ',' << r.y() << ',' << r.z() << ',' << r.w() << ',' << v.x()
-      << ',' << v.y() << ',' << v.z() << ',' << reply.field_of_view() << ',' << counts.total() << ','
-      << counts.all_visible() << ',' << counts.some_visible() << ',' << counts.none_visible() << ','
-      << short_name(reply.status()) << ',' << short_name(reply.reason()) << ','
-      << short_name(reply.volume_used()) << ',' << short_name(reply.pair_fallback()) << ','
-      << reply.merged_ticks() << ',' << reply.cut() << ',' << reply.flags().dt_capped() << ','
-      << reply.flags().used_cube_map() << ',' << reply.flags().body_overlap();
+  out << reply.sequence() << ',' << reply.time_s() << ',' << reply.pose_time_s() << ',' << p.x() << ',' << p.y() << ','
+      << p.z() << ',' << r.x() << ',' << r.y() << ',' << r.z() << ',' << r.w() << ',' << v.x() << ',' << v.y() << ','
+      << v.z() << ',' << reply.field_of_view() << ',' << counts.total() << ',' << counts.all_visible() << ','
+      << counts.some_visible() << ',' << counts.none_visible() << ',' << short_name(reply.status()) << ','
+      << short_name(reply.reason()) << ',' << short_name(reply.volume_used()) << ','
+      << short_name(reply.pair_fallback()) << ',' << reply.merged_ticks() << ',' << reply.cut() << ','
+      << reply.flags().dt_capped() << ',' << reply.flags().used_cube_map() << ',' << reply.flags().body_overlap();
 }
 
 void write_times(std::ostream& out, const PlayedFrame& frame) {
   const auto& times = frame.reply.stage_times();
   out << ',' << frame.latency_ms;
-  for (const float us : {times.queue_us(), times.scene_us(), times.bound_us(), times.sample_us(),
-                         times.aggregate_us(), times.move_us(), times.total_us()})
+  for (const float us : {times.queue_us(), times.scene_us(), times.bound_us(), times.sample_us(), times.aggregate_us(),
+                         times.move_us(), times.total_us()})
     out << ',' << us;
 }
 
@@ -68,8 +67,8 @@ void write_sight(std::ostream& out, const v1::TargetVisibility* sight) {
     out << ",,,,,,";
     return;
   }
-  out << ',' << short_name(sight->state()) << ',' << sight->visible_share() << ','
-      << sight->in_picture() << ',' << sight->distance();
+  out << ',' << short_name(sight->state()) << ',' << sight->visible_share() << ',' << sight->in_picture() << ','
+      << sight->distance();
   if (sight->occluders().empty())
     out << ",,";
   else
@@ -97,8 +96,7 @@ void write_trace(std::ostream& out, const Scenario& scenario, std::span<const Pl
   write_header(out, scenario);
   for (size_t i = 0; i < frames.size(); ++i) {
     const FrameTruth* truth = truths.empty() ? nullptr : &truths[i];
-    out.precision(
-        std::numeric_limits<double>::max_digits10);  // poses as they came, so that they can be judged again
+    out.precision(std::numeric_limits<double>::max_digits10);  // poses as they came, so that they can be judged again
     write_reply(out, frames[i].reply);
     out.precision(6);
     write_times(out, frames[i]);

@@ -5,8 +5,8 @@
 #include <span>
 #include <string>
 
-#include "client/truth/judge.h"
 #include "client/drive/player.h"
+#include "client/truth/judge.h"
 
 namespace sightline {
 

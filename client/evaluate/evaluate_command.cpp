@@ -108,8 +108,7 @@ Result<std::vector<PolicyEntry>> policies_of(const EvaluateOptions& options) {
     auto named = read_named_settings(text);
     if (!named) return tl::unexpected(named.error());
     if (has_name(known, named->name) || has_name(chosen, named->name))
-      return invalid("settings",
-                     std::string("there is already a policy \"").append(named->name).append("\""));
+      return invalid("settings", std::string("there is already a policy \"").append(named->name).append("\""));
     chosen.push_back(step_policy(std::move(named->name), named->settings, named->shot));
   }
   return chosen;
@@ -130,7 +129,8 @@ Status evaluate_into_folder(const EvaluateOptions& options, std::ostream& out, s
   if (!cases) return tl::unexpected(cases.error());
   const auto chosen = policies_of(options);
   if (!chosen) return tl::unexpected(chosen.error());
-  const auto sampler = choose_sampler_device(options.sampler == "egl" ? SamplerChoice::kEgl : SamplerChoice::kEmbree, {});
+  const auto sampler = choose_sampler_device(options.sampler == "egl" ? SamplerChoice::kEgl : SamplerChoice::kEmbree,
+                                             {});
   if (!sampler) return tl::unexpected(sampler.error());
   const std::filesystem::path folder(options.out);
   // Made before the runs, so that a folder that cannot be written is reported at once.
@@ -138,7 +138,8 @@ Status evaluate_into_folder(const EvaluateOptions& options, std::ostream& out, s
   std::filesystem::create_directories(folder, trouble);
   if (trouble) return fail(ErrorCode::kUnavailable, options.out, trouble.message());
   const std::filesystem::path sheets = options.sheets ? folder / "sheets" : std::filesystem::path();
-  if (options.sheets && !std::filesystem::create_directory(sheets, trouble) && trouble) return fail(ErrorCode::kUnavailable, sheets.string(), trouble.message());
+  if (options.sheets && !std::filesystem::create_directory(sheets, trouble) && trouble)
+    return fail(ErrorCode::kUnavailable, sheets.string(), trouble.message());
   ProgressBar bar(err, options.progress);
   EvaluationOptions playing{.rate_hz = options.rate_hz,
                             .duration_s = options.duration_s,

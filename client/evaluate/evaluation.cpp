@@ -26,8 +26,7 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 }
 
 tl::unexpected<Error> in_scene(const SceneCase& scene, Error error) {
-  error.field =
-      scene.name + " seed " + std::to_string(scene.seed) + (error.field.empty() ? "" : ": ") + error.field;
+  error.field = scene.name + " seed " + std::to_string(scene.seed) + (error.field.empty() ? "" : ": ") + error.field;
   return tl::unexpected(std::move(error));
 }
 
@@ -50,8 +49,7 @@ Result<Scenario> load_case(const SceneCase& scene, Shared& shared) {
   if (!scenario) return in_scene(scene, scenario.error());
   const std::vector<ScenarioActor> targets = scenario->targets();
   if (std::none_of(targets.begin(), targets.end(), [](const auto& target) { return target.weight > 0; }))
-    return in_scene(scene,
-                    Error{ErrorCode::kInvalidArgument, "nodes", "no node is a target with a weight above 0"});
+    return in_scene(scene, Error{ErrorCode::kInvalidArgument, "nodes", "no node is a target with a weight above 0"});
   return scenario;
 }
 
@@ -90,8 +88,8 @@ struct Played {
 // One policy in one scene.
 class Run {
  public:
-  Run(const SceneCase& scene, const PolicyEntry& policy, const EvaluationOptions& options, int threads,
-      Shared& shared, std::function<void(double)> progress)
+  Run(const SceneCase& scene, const PolicyEntry& policy, const EvaluationOptions& options, int threads, Shared& shared,
+      std::function<void(double)> progress)
       : scene_(scene),
         policy_(policy),
         options_(options),
@@ -125,11 +123,17 @@ class Run {
   }
 
   Result<Played> play(const Scenario& scenario) {
-    const auto ticks =
-        static_cast<size_t>(std::floor(length_s(scenario, options_) * options_.rate_hz + 1e-9)) + 1;
-    PolicySite site{scenario,        shared_.store,  shared_.device,       shared_.samplers,
-                    shared_.extents, limits_,         1 / options_.rate_hz, scene_.seed,
-                    ticks,           static_cast<size_t>(options_.picture_every)};
+    const auto ticks = static_cast<size_t>(std::floor(length_s(scenario, options_) * options_.rate_hz + 1e-9)) + 1;
+    PolicySite site{scenario,
+                    shared_.store,
+                    shared_.device,
+                    shared_.samplers,
+                    shared_.extents,
+                    limits_,
+                    1 / options_.rate_hz,
+                    scene_.seed,
+                    ticks,
+                    static_cast<size_t>(options_.picture_every)};
     auto policy = policy_.make(site);
     if (!policy) return tl::unexpected(policy.error());
     Played played;
@@ -161,8 +165,7 @@ class Run {
     judging.picture_size = options_.picture_size;
     judging.threads = threads_;
     judging.progress = [&](size_t done) {
-      progress_(kPlayShare +
-                (1 - kPlayShare) * static_cast<double>(done) / static_cast<double>(played.frames.size()));
+      progress_(kPlayShare + (1 - kPlayShare) * static_cast<double>(done) / static_cast<double>(played.frames.size()));
     };
     const auto truths = judge(scenario, shared_.store, shared_.device, played.frames, judging);
     if (!truths) return tl::unexpected(truths.error());
@@ -171,8 +174,8 @@ class Run {
     judge_words(scenario, played, *truths);
     for (size_t i = 0; i < truths->size(); ++i)
       if (const auto& picture = (*truths)[i].picture)
-        record_.pictures.push_back({played.frames[i].time_s, played.frames[i].camera.position_m,
-                                    least_share(*picture), picture->fully_hidden(), played.tracking[i]});
+        record_.pictures.push_back({played.frames[i].time_s, played.frames[i].camera.position_m, least_share(*picture),
+                                    picture->fully_hidden(), played.tracking[i]});
     auto world = ScenarioWorld::make(scenario, shared_.store, shared_.device);
     if (!world) return tl::unexpected(world.error());
     record_.reaction = measure_reaction(**world, played.frames);
@@ -187,8 +190,10 @@ class Run {
   Status draw_sheet(ScenarioWorld& world, std::span<const CameraFrame> frames) const {
     if (options_.sheets.empty()) return {};
     constexpr int kQuality = 80;
-    const std::vector<uint8_t> bytes = encode_jpeg(contact_sheet(world, frames, {.columns = 4, .rows = 2, .panel_width = 240}), kQuality);
-    const std::filesystem::path path = std::filesystem::path(options_.sheets) / (scene_.name + "-" + std::to_string(scene_.seed) + "-" + policy_.name + ".jpg");
+    const std::vector<uint8_t> bytes = encode_jpeg(
+        contact_sheet(world, frames, {.columns = 4, .rows = 2, .panel_width = 240}), kQuality);
+    const std::filesystem::path path = std::filesystem::path(options_.sheets) /
+                                       (scene_.name + "-" + std::to_string(scene_.seed) + "-" + policy_.name + ".jpg");
     std::ofstream file(path, std::ios::binary);
     file.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
     if (!file.flush()) return fail(ErrorCode::kUnavailable, path.string(), "cannot be written");
@@ -217,8 +222,10 @@ class Run {
       goals.push_back({frame.time_s, played.goals_m[i], centers_m.back(), frame.jump});
     }
     record_.turns = answers_to_turns(played.frames, centers_m);
-    record_.coherence = policy_.shot.number == 0 ? coherence_of(played.frames, centers_m, truths)
-                                                 : coherence_of(played.frames, shots_as_asked(policy_.shot, world, played.frames), truths, policy_.shot.tolerance);
+    record_.coherence = policy_.shot.number == 0
+                            ? coherence_of(played.frames, centers_m, truths)
+                            : coherence_of(played.frames, shots_as_asked(policy_.shot, world, played.frames), truths,
+                                           policy_.shot.tolerance);
     if (std::any_of(goals.begin(), goals.end(), [](const GoalSample& g) { return g.goal_m.has_value(); }))
       record_.goals = goals_of(goals);
   }
@@ -252,8 +259,7 @@ void for_each_index(size_t count, int threads, const std::function<void(size_t)>
 
 }  // namespace
 
-Result<std::vector<RunRecord>> evaluate(std::span<const SceneCase> cases,
-                                        std::span<const PolicyEntry> policies,
+Result<std::vector<RunRecord>> evaluate(std::span<const SceneCase> cases, std::span<const PolicyEntry> policies,
                                         const EvaluationOptions& options) {
   Shared shared(options.samplers);
   const size_t runs = cases.size() * policies.size();
@@ -265,8 +271,7 @@ Result<std::vector<RunRecord>> evaluate(std::span<const SceneCase> cases,
   for_each_index(runs, jobs, [&](size_t i) {
     const SceneCase& scene = cases[i / policies.size()];
     const PolicyEntry& policy = policies[i % policies.size()];
-    results[i] =
-        Run(scene, policy, options, threads, shared, [&, i](double share) { progress.set(i, share); }).run();
+    results[i] = Run(scene, policy, options, threads, shared, [&, i](double share) { progress.set(i, share); }).run();
   });
   std::vector<RunRecord> records;
   for (auto& result : results) {

@@ -1,7 +1,7 @@
 // Plays scenes under camera policies in this process and judges every run: what `sightline evaluate` does.
 //
-// Everything but RunTiming is a pure function of scenes, policies and options: it is the same on every run and for any number of
-// jobs.
+// Everything but RunTiming is a pure function of scenes, policies and options: it is the same on every run and for any
+// number of jobs.
 #pragma once
 
 #include <functional>
@@ -30,7 +30,8 @@ struct EvaluationOptions {
   double duration_s = 0.0;  // longest part of each scenario to play; 0: all of it
   int picture_every = 6;    // >= 1; every n-th frame's picture is judged
   int picture_size = kTruthSize;
-  std::string sheets = {};  // folder for a contact sheet of each run, <scene>-<seed>-<policy>.jpg; it must exist. Empty: none
+  // folder for a contact sheet of each run, <scene>-<seed>-<policy>.jpg; it must exist. Empty: none
+  std::string sheets = {};
   int jobs = 1;  // number of threads, >= 1
   // Takes the maps of Sightline's own policies, on several threads; must outlive the call. Null: Embree.
   SamplerDevice* samplers = nullptr;
@@ -67,9 +68,9 @@ struct RunRecord {
   std::optional<ReportMetrics> reports;
   std::optional<StatusMetrics> status;
   std::optional<GoalMetrics> goals;
-  ObstructionCounts obstructions;           // of the asked place; only of policies that say where it is
-  ReasonCounts reasons;                     // by claims of places, at the judged pictures
-  std::optional<double> pair_volume_share;  // share of the frames with PolicyStep::pair_volume
+  ObstructionCounts obstructions;                // of the asked place; only of policies that say where it is
+  ReasonCounts reasons;                          // by claims of places, at the judged pictures
+  std::optional<double> pair_volume_share;       // share of the frames with PolicyStep::pair_volume
   std::optional<double> most_joint, most_worth;  // only for policies that know them (policy.h)
   std::vector<JudgedPicture> pictures;
   RunTiming timing;
@@ -77,10 +78,9 @@ struct RunRecord {
 
 // One record a run: the scene cases in their order, and within each case the policies in theirs.
 //
-// Errors: a scene that cannot be loaded or has no target with a weight, a policy that cannot start or step. The error's field
-// begins with "<scene> seed <n>", or with "<policy> in <scene> seed <n>" when the policy failed.
-Result<std::vector<RunRecord>> evaluate(std::span<const SceneCase> cases,
-                                        std::span<const PolicyEntry> policies,
+// Errors: a scene that cannot be loaded or has no target with a weight, a policy that cannot start or step. The error's
+// field begins with "<scene> seed <n>", or with "<policy> in <scene> seed <n>" when the policy failed.
+Result<std::vector<RunRecord>> evaluate(std::span<const SceneCase> cases, std::span<const PolicyEntry> policies,
                                         const EvaluationOptions& options);
 
 }  // namespace sightline

@@ -158,8 +158,8 @@ double mean(const Group& group, Value value) {
   return sum(group, value) / static_cast<double>(group.size());
 }
 
-// The group's mean as a share of a ceiling's mean, over the seeds that both have played. It is empty if the ceiling did not play or
-// reaches nothing.
+// The group's mean as a share of a ceiling's mean, over the seeds that both have played. It is empty if the ceiling did
+// not play or reaches nothing.
 template <typename Value>
 std::string share_of_ceiling(std::string_view name, const Group& group, const std::vector<Group>& groups, Value value) {
   double own = 0.0, most = 0.0;
@@ -205,7 +205,8 @@ void write_runs(std::ostream& out, std::span<const Run> runs) {
     for (const Column& column : kAnswerColumns) out << ',' << exact_text(column.of(run));
     for (const OptionalColumns& group : kOptionalColumns)
       for (const Column& column : group.columns) out << ',' << (group.has(run) ? exact_text(column.of(run)) : "");
-    out << ',' << (run.most_joint ? exact_text(*run.most_joint) : "") << ',' << (run.most_worth ? exact_text(*run.most_worth) : "") << ",\"";
+    out << ',' << (run.most_joint ? exact_text(*run.most_joint) : "") << ','
+        << (run.most_worth ? exact_text(*run.most_worth) : "") << ",\"";
     for (const double delay_s : run.reaction.delays_s) out << exact_text(delay_s) << ' ';
     out << "\"\n";
   }
@@ -285,36 +286,39 @@ void print_summary(std::ostream& out, std::span<const Run> runs) {
     const Group status = only(group, [](const Run& r) { return r.status.has_value(); });
     const Group reports = only(group, [](const Run& r) { return r.reports.has_value(); });
     const auto total = [&](auto value) { return formatted("%.0f", sum(group, value)); };
-    table.row({printable(group.front()->scene), group.front()->policy, std::to_string(group.size()),
-               percent(mean(group, [](const Run& r) { return r.metrics.joint_visible_share(); })),
-               percent(mean(group, [](const Run& r) { return r.metrics.joint_whole_share; })),
-               of("%.2f", [](const Run& r) { return r.coherence.mean_worth; }),
-               of("%.2f", [](const Run& r) { return r.metrics.p95_size_pictures; }),
-               of("%.0f", [](const Run& r) { return degrees(r.coherence.asked_height_rad); }),
-               of("%.0f", [](const Run& r) { return degrees(r.coherence.median_height_rad); }),
-               share_of_ceiling(kCeilingName, group, groups, [](const Run& r) { return r.metrics.joint_visible_share(); }),
-               group.front()->most_joint ? percent(mean(group, [](const Run& r) { return *r.most_joint; })) : "",
-               share_of_ceiling(kWorthCeilingName, group, groups, [](const Run& r) { return r.coherence.mean_worth; }),
-               group.front()->most_worth ? of("%.2f", [](const Run& r) { return *r.most_worth; }) : "",
-               percent(mean(group, [](const Run& r) { return r.metrics.r_n; })),
-               formatted("%.1f", greatest(group, [](const Run& r) { return r.metrics.longest_blind_s; })),
-               formatted("%.1f", greatest(group, [](const Run& r) { return r.longest_blind_with_way_s; })),
-               of("%.1f", [](const Run& r) { return r.metrics.episodes.count; }),
-               total([](const Run& r) { return r.metrics.body_collisions; }),
-               total([](const Run& r) { return r.metrics.limit_violations; }),
-               of("%.1f", [](const Run& r) { return r.metrics.d_c_m; }),
-               percent(mean(group, [](const Run& r) { return r.coherence.kept_share; })),
-               of("%.2f", [](const Run& r) { return mean_of(r.coherence.mean); }),
-               of("%.2f", [](const Run& r) { return r.coherence.mean_acceleration_mps2; }),
-               percent(mean(group, [](const Run& r) { return r.metrics.acceleration_limit_share; })),
-               of("%.0f", [](const Run& r) { return r.metrics.rms_jerk_mps3; }),
-               of("%.2f", [](const Run& r) { return r.metrics.reversals_per_s; }),
-               goals.empty() ? "" : formatted("%.2f", mean(goals, [](const Run& r) { return r.goals->jumps_per_s; })),
-               status.empty() ? "" : percent(mean(status, [](const Run& r) { return r.status->tracking_while_lost; })),
-               of("%.2f", [](const Run& r) { return r.reaction.mean_delay_s; }),
-               reports.empty() ? "" : formatted("%.3f", mean(reports, [](const Run& r) {
-                                                  return r.reports->filtered.mean_absolute_error;
-                                                }))});
+    table.row(
+        {printable(group.front()->scene),
+         group.front()->policy,
+         std::to_string(group.size()),
+         percent(mean(group, [](const Run& r) { return r.metrics.joint_visible_share(); })),
+         percent(mean(group, [](const Run& r) { return r.metrics.joint_whole_share; })),
+         of("%.2f", [](const Run& r) { return r.coherence.mean_worth; }),
+         of("%.2f", [](const Run& r) { return r.metrics.p95_size_pictures; }),
+         of("%.0f", [](const Run& r) { return degrees(r.coherence.asked_height_rad); }),
+         of("%.0f", [](const Run& r) { return degrees(r.coherence.median_height_rad); }),
+         share_of_ceiling(kCeilingName, group, groups, [](const Run& r) { return r.metrics.joint_visible_share(); }),
+         group.front()->most_joint ? percent(mean(group, [](const Run& r) { return *r.most_joint; })) : "",
+         share_of_ceiling(kWorthCeilingName, group, groups, [](const Run& r) { return r.coherence.mean_worth; }),
+         group.front()->most_worth ? of("%.2f", [](const Run& r) { return *r.most_worth; }) : "",
+         percent(mean(group, [](const Run& r) { return r.metrics.r_n; })),
+         formatted("%.1f", greatest(group, [](const Run& r) { return r.metrics.longest_blind_s; })),
+         formatted("%.1f", greatest(group, [](const Run& r) { return r.longest_blind_with_way_s; })),
+         of("%.1f", [](const Run& r) { return r.metrics.episodes.count; }),
+         total([](const Run& r) { return r.metrics.body_collisions; }),
+         total([](const Run& r) { return r.metrics.limit_violations; }),
+         of("%.1f", [](const Run& r) { return r.metrics.d_c_m; }),
+         percent(mean(group, [](const Run& r) { return r.coherence.kept_share; })),
+         of("%.2f", [](const Run& r) { return mean_of(r.coherence.mean); }),
+         of("%.2f", [](const Run& r) { return r.coherence.mean_acceleration_mps2; }),
+         percent(mean(group, [](const Run& r) { return r.metrics.acceleration_limit_share; })),
+         of("%.0f", [](const Run& r) { return r.metrics.rms_jerk_mps3; }),
+         of("%.2f", [](const Run& r) { return r.metrics.reversals_per_s; }),
+         goals.empty() ? "" : formatted("%.2f", mean(goals, [](const Run& r) { return r.goals->jumps_per_s; })),
+         status.empty() ? "" : percent(mean(status, [](const Run& r) { return r.status->tracking_while_lost; })),
+         of("%.2f", [](const Run& r) { return r.reaction.mean_delay_s; }),
+         reports.empty() ? "" : formatted("%.3f", mean(reports, [](const Run& r) {
+                                            return r.reports->filtered.mean_absolute_error;
+                                          }))});
   }
   table.print(out);
   out << kLegend;
@@ -326,7 +330,8 @@ nlohmann::ordered_json summary_json(std::span<const Run> runs) {
     nlohmann::ordered_json& row = rows.emplace_back();
     row = {{"scene", group.front()->scene}, {"policy", group.front()->policy}, {"runs", group.size()}};
     const auto put = [&](std::string_view name, auto of) { row[std::string(name)] = mean(group, of); };
-    for (const RunFigure& figure : run_figures()) put(figure.name, [&](const Run& run) { return figure.of(run.metrics); });
+    for (const RunFigure& figure : run_figures())
+      put(figure.name, [&](const Run& run) { return figure.of(run.metrics); });
     for (const Column& column : kAnswerColumns) put(column.name, column.of);
     for (const OptionalColumns& columns : kOptionalColumns)
       if (only(group, columns.has).size() == group.size())

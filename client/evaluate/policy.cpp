@@ -39,7 +39,8 @@ PolicyEntry baseline(std::string name) {
 
 std::vector<PolicyEntry> policies() {
   std::vector<PolicyEntry> entries{baseline<FollowPolicy>("follow"), baseline<SpringArmPolicy>("spring-arm"),
-                                   baseline<RaycastPolicy>("raycast"), step_policy("paper", preset_settings(Preset::kPaper)),
+                                   baseline<RaycastPolicy>("raycast"),
+                                   step_policy("paper", preset_settings(Preset::kPaper)),
                                    step_policy("sightline", preset_settings(Preset::kSightline))};
   for (PolicyEntry& ceiling : ceiling_policies()) entries.push_back(std::move(ceiling));
   return entries;

@@ -18,8 +18,12 @@ class CeilingPolicy : public CameraPolicy {
     const auto tick = static_cast<size_t>(std::lround(time_s / tick_s_));
     return PolicyStep{.camera = plan_.path[std::min(tick, plan_.path.size() - 1)], .lens = lens_, .reports = {}};
   }
-  std::optional<double> most_joint() const override { return aim_ == PlanAim::kJoint ? std::optional(plan_.most) : std::nullopt; }
-  std::optional<double> most_worth() const override { return aim_ == PlanAim::kWorth ? std::optional(plan_.most) : std::nullopt; }
+  std::optional<double> most_joint() const override {
+    return aim_ == PlanAim::kJoint ? std::optional(plan_.most) : std::nullopt;
+  }
+  std::optional<double> most_worth() const override {
+    return aim_ == PlanAim::kWorth ? std::optional(plan_.most) : std::nullopt;
+  }
 
  private:
   const Lens lens_;
@@ -34,7 +38,8 @@ Result<std::unique_ptr<CameraPolicy>> make_ceiling(const PolicySite& site, PlanA
   options.aim = aim;
   const MoveSettings place_limits = preset_settings(Preset::kSightline).move;
   auto plan = plan_ceiling(site.scenario, site.store, site.device, site.extents,
-                           timeline_of(site.tick_s, site.ticks, site.ticks_per_picture), site.limits, place_limits, options);
+                           timeline_of(site.tick_s, site.ticks, site.ticks_per_picture), site.limits, place_limits,
+                           options);
   if (!plan) return tl::unexpected(plan.error());
   return std::make_unique<CeilingPolicy>(site, aim, std::move(*plan));
 }

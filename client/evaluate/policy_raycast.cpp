@@ -25,8 +25,8 @@ PolicySite without_jerk_limit(PolicySite site) {
 
 }  // namespace
 
-void trace_visibility(const EmbreeScene& occluders, const SceneMirror& mirror,
-                      std::span<const Target> targets, CandidateSet& candidates) {
+void trace_visibility(const EmbreeScene& occluders, const SceneMirror& mirror, std::span<const Target> targets,
+                      CandidateSet& candidates) {
   std::fill(candidates.visible_targets.begin(), candidates.visible_targets.end(), 0u);
   for (size_t k = 0; k < targets.size(); ++k) {
     const glm::dvec3 aim = aim_point_m(*mirror.find(targets[k].instance_id));
@@ -36,8 +36,7 @@ void trace_visibility(const EmbreeScene& occluders, const SceneMirror& mirror,
     filter.ignored_slots = std::span(&own, 1);
     for (size_t i = 0; i < candidates.size(); ++i) {
       const glm::vec3 way(candidates.position_m[i] - aim);
-      if (!occluders.is_blocked(aim, way, 0.0f, 1.0f, filter))
-        candidates.visible_targets[i] |= 1u << k;
+      if (!occluders.is_blocked(aim, way, 0.0f, 1.0f, filter)) candidates.visible_targets[i] |= 1u << k;
     }
   }
 }
@@ -57,8 +56,10 @@ void RaycastPolicy::update_views() {
   views_.clear();
   for (const Target& target : world_->targets()) {
     const Instance& instance = *world_->mirror().find(target.instance_id);
-    views_.push_back(
-        {.aim_m = aim_point_m(instance), .radius_m = instance.radius_m, .weight = target.weight, .required = target.required});
+    views_.push_back({.aim_m = aim_point_m(instance),
+                      .radius_m = instance.radius_m,
+                      .weight = target.weight,
+                      .required = target.required});
   }
 }
 
@@ -86,8 +87,7 @@ Choice RaycastPolicy::choose(const Bound& bound, const glm::dvec3& desired_m) {
 void RaycastPolicy::travel(const Choice& choice, double dt_s) {
   glm::dvec3 wanted = clamp_velocity(camera_.velocity_mps, glm::dvec3(0.0), site_.limits, dt_s);
   if (choice.candidate >= 0) {
-    const glm::dvec3 with =
-        choice.reason == MoveReason::kAtDesiredPlace ? center_velocity_mps_ : glm::dvec3(0.0);
+    const glm::dvec3 with = choice.reason == MoveReason::kAtDesiredPlace ? center_velocity_mps_ : glm::dvec3(0.0);
     wanted = velocity_towards(camera_, candidates_.position_m[choice.candidate], with, site_.limits, dt_s);
   }
   camera_.velocity_mps = make_safe(camera_, wanted, site_.limits, lens_, colliders_, dt_s).velocity_mps;
@@ -105,8 +105,8 @@ Result<PolicyStep> RaycastPolicy::next(double time_s, double dt_s) {
   if (dt_s > 0) {
     center_velocity_mps_ = (world_->targets_center_m() - before_m) / dt_s;
     const Bound bound = bound_camera(camera_, site_.limits, settings_.bound, horizon_s_, dt_s);
-    const glm::dvec3 desired_m =
-        desired_place_m(views_, offset_m_, lens_, settings_.framing.framing_margin, settings_.move);
+    const glm::dvec3 desired_m = desired_place_m(views_, offset_m_, lens_, settings_.framing.framing_margin,
+                                                 settings_.move);
     list_candidates(bound, desired_m);
     const Choice choice = choose(bound, desired_m);
     const double factor = std::exp2(dt_s / kHorizonDoublingS);

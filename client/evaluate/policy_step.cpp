@@ -22,11 +22,14 @@ std::optional<glm::dvec3> goal_of(const StepDump& dump) {
 class StepPolicy : public CameraPolicy {
  public:
   StepPolicy(const PolicySite& site, std::unique_ptr<Session> session)
-      : scenario_(site.scenario), tick_s_(site.tick_s), ticks_per_picture_(site.ticks_per_picture), limits_(site.limits), session_(std::move(session)) {}
+      : scenario_(site.scenario),
+        tick_s_(site.tick_s),
+        ticks_per_picture_(site.ticks_per_picture),
+        limits_(site.limits),
+        session_(std::move(session)) {}
 
   Result<PolicyStep> next(double time_s, double dt_s) override {
-    if (auto applied = session_->apply(tick_at(time_s, dt_s)); !applied)
-      return tl::unexpected(applied.error());
+    if (auto applied = session_->apply(tick_at(time_s, dt_s)); !applied) return tl::unexpected(applied.error());
     auto answer = session_->step();
     if (!answer) return tl::unexpected(answer.error());
     PolicyStep step;
@@ -39,7 +42,8 @@ class StepPolicy : public CameraPolicy {
     step.reports.emplace();
     if (session_->dump().decided) claim_ = claim_of(session_->dump(), time_s, swept_radius_m(limits_, answer->lens));
     if ((sequence_ - 1) % ticks_per_picture_ == 0) step.claim = claim_;
-    if (const auto& shot = answer->step.shot) step.asked_place = {time_s, shot->place_m, shot->soon_target, shot->soon_s};
+    if (const auto& shot = answer->step.shot)
+      step.asked_place = {time_s, shot->place_m, shot->soon_target, shot->soon_s};
     for (const TargetSight& sight : answer->step.targets)
       step.reports->push_back({sight.id, sight.visible_share, sight.filtered_share});
     return step;
@@ -87,7 +91,8 @@ Status add_scene(const Scenario& scenario, GeometryStore& store, SessionOptions&
   return {};
 }
 
-Result<std::unique_ptr<CameraPolicy>> make_step_policy(const PolicySite& site, const StepSettings& settings, const AskedShot& shot) {
+Result<std::unique_ptr<CameraPolicy>> make_step_policy(const PolicySite& site, const StepSettings& settings,
+                                                       const AskedShot& shot) {
   SessionOptions options;
   options.seed = site.seed;
   options.camera = site.scenario.camera();
@@ -97,8 +102,7 @@ Result<std::unique_ptr<CameraPolicy>> make_step_policy(const PolicySite& site, c
   options.settings = settings;
   options.shot = shot;
   options.extents = &site.extents;
-  if (auto added = add_scene(site.scenario, site.store, options); !added)
-    return tl::unexpected(added.error());
+  if (auto added = add_scene(site.scenario, site.store, options); !added) return tl::unexpected(added.error());
   // Without a stage clock, no measured time can reach a figure.
   auto session = Session::open(std::move(options), site.samplers.make_sampler(), StageClock());
   if (!session) return tl::unexpected(session.error());
@@ -108,15 +112,16 @@ Result<std::unique_ptr<CameraPolicy>> make_step_policy(const PolicySite& site, c
 constexpr size_t kLongestName = 32;
 
 bool is_name(const std::string& name) {
-  return !name.empty() && name.size() <= kLongestName &&
-         std::all_of(name.begin(), name.end(),
-                     [](unsigned char c) { return std::isalnum(c) != 0 || c == '-' || c == '_'; });
+  return !name.empty() && name.size() <= kLongestName && std::all_of(name.begin(), name.end(), [](unsigned char c) {
+    return std::isalnum(c) != 0 || c == '-' || c == '_';
+  });
 }
 
 }  // namespace
 
 PolicyEntry step_policy(std::string name, const StepSettings& settings, const AskedShot& shot) {
-  return {std::move(name), [settings, shot](const PolicySite& site) { return make_step_policy(site, settings, shot); }, shot};
+  return {std::move(name), [settings, shot](const PolicySite& site) { return make_step_policy(site, settings, shot); },
+          shot};
 }
 
 Result<NamedSettings> read_named_settings(const std::string& text) {
@@ -130,7 +135,8 @@ Result<NamedSettings> read_named_settings(const std::string& text) {
   if (Status ok = read_settings(wire->settings(), wire->tuning(), field + ".", named.settings); !ok)
     return tl::unexpected(ok.error());
   if (wire->has_shot()) {
-    if (Status ok = read_shot(wire->shot(), gltf_convention(), Lens{}.aspect, field + ".shot", named.shot); !ok) return tl::unexpected(ok.error());
+    if (Status ok = read_shot(wire->shot(), gltf_convention(), Lens{}.aspect, field + ".shot", named.shot); !ok)
+      return tl::unexpected(ok.error());
     named.shot.number = 1;
   }
   if (Status ok = validate(named.settings); !ok)

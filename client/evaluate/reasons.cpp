@@ -66,13 +66,16 @@ std::pair<size_t, size_t> frames_between(std::span<const AskedPlace> places, dou
   return {static_cast<size_t>(first - places.begin()), static_cast<size_t>(std::max(first, end) - places.begin())};
 }
 
-void count_announced(std::span<const AskedPlace> places, uint64_t target, const std::vector<bool>& hidden, ObstructionCounts& counts) {
+void count_announced(std::span<const AskedPlace> places, uint64_t target, const std::vector<bool>& hidden,
+                     ObstructionCounts& counts) {
   for (const AskedPlace& at : places) {
     const double then_s = at.time_s + at.soon_s;
     if (at.soon_target != target || then_s + kAnnouncedWithinS > places.back().time_s) continue;
     const auto [first, end] = frames_between(places, then_s - kAnnouncedWithinS, then_s + kAnnouncedWithinS);
     ++counts.announced;
-    counts.came_true += std::find(hidden.begin() + static_cast<ptrdiff_t>(first), hidden.begin() + static_cast<ptrdiff_t>(end), true) != hidden.begin() + static_cast<ptrdiff_t>(end);
+    counts.came_true += std::find(hidden.begin() + static_cast<ptrdiff_t>(first),
+                                  hidden.begin() + static_cast<ptrdiff_t>(end),
+                                  true) != hidden.begin() + static_cast<ptrdiff_t>(end);
   }
 }
 
@@ -80,11 +83,13 @@ void count_announced(std::span<const AskedPlace> places, uint64_t target, const 
 bool begins(std::span<const AskedPlace> places, const std::vector<bool>& hidden, size_t frame) {
   if (!hidden[frame] || hidden[frame - 1] || places[frame].time_s + kObstructionS > places.back().time_s) return false;
   const auto [first, end] = frames_between(places, places[frame].time_s, places[frame].time_s + kObstructionS);
-  return std::all_of(hidden.begin() + static_cast<ptrdiff_t>(first), hidden.begin() + static_cast<ptrdiff_t>(end), std::identity());
+  return std::all_of(hidden.begin() + static_cast<ptrdiff_t>(first), hidden.begin() + static_cast<ptrdiff_t>(end),
+                     std::identity());
 }
 
 // A reply names one target, so of two that are hidden at about the same time only one must be announced.
-void count_began(const ScenarioWorld& world, std::span<const AskedPlace> places, const std::vector<std::vector<bool>>& hidden, ObstructionCounts& counts) {
+void count_began(const ScenarioWorld& world, std::span<const AskedPlace> places,
+                 const std::vector<std::vector<bool>>& hidden, ObstructionCounts& counts) {
   double last_s = -INFINITY;
   for (size_t k = 1; k < places.size(); ++k) {
     const double now_s = places[k].time_s;
@@ -94,7 +99,8 @@ void count_began(const ScenarioWorld& world, std::span<const AskedPlace> places,
       if (!begins(places, hidden[i], k)) continue;
       began = true;
       announced |= std::ranges::any_of(places.first(k), [&](const AskedPlace& at) {
-        return at.soon_target == world.targets()[i].instance_id && at.time_s <= now_s - kWarningS && std::abs(at.time_s + at.soon_s - now_s) <= kAnnouncedWithinS;
+        return at.soon_target == world.targets()[i].instance_id && at.time_s <= now_s - kWarningS &&
+               std::abs(at.time_s + at.soon_s - now_s) <= kAnnouncedWithinS;
       });
     }
     if (!began) continue;
@@ -108,7 +114,8 @@ void count_began(const ScenarioWorld& world, std::span<const AskedPlace> places,
 ObstructionCounts check_obstructions(ScenarioWorld& world, std::span<const AskedPlace> places) {
   const std::vector<std::vector<bool>> hidden = hidden_from_places(world, places);
   ObstructionCounts counts;
-  for (size_t i = 0; i < hidden.size() && !places.empty(); ++i) count_announced(places, world.targets()[i].instance_id, hidden[i], counts);
+  for (size_t i = 0; i < hidden.size() && !places.empty(); ++i)
+    count_announced(places, world.targets()[i].instance_id, hidden[i], counts);
   count_began(world, places, hidden, counts);
   return counts;
 }
@@ -121,7 +128,9 @@ std::optional<ReasonClaim> claim_of(const StepDump& dump, double time_s, double 
   for (size_t i = 0; i < dump.targets.ids.size(); ++i)
     if ((dump.targets.steered >> i & 1u) != 0) claim.target_ids.push_back(dump.targets.ids[i]);
   // Only the default has a list of places where the body fits.
-  const auto position_m = [&](size_t i) { return sights.position_m.empty() ? sights.candidates.position_m[i] : sights.position_m[i]; };
+  const auto position_m = [&](size_t i) {
+    return sights.position_m.empty() ? sights.candidates.position_m[i] : sights.position_m[i];
+  };
   if (decision.chosen_candidate >= 0) claim.place_m = position_m(static_cast<size_t>(decision.chosen_candidate));
   if (!speaks_of_reach(decision.reason)) return claim.place_m ? std::optional(claim) : std::nullopt;
   for (size_t i = 0; i < sights.candidates.size(); ++i)
@@ -132,9 +141,11 @@ std::optional<ReasonClaim> claim_of(const StepDump& dump, double time_s, double 
 Verdict check_claim(const ReasonClaim& claim, const ScenarioWorld& world, const SightEstimate& sight) {
   std::vector<size_t> targets;
   for (size_t i = 0; i < world.targets().size(); ++i)
-    if (std::ranges::find(claim.target_ids, world.targets()[i].instance_id) != claim.target_ids.end()) targets.push_back(i);
+    if (std::ranges::find(claim.target_ids, world.targets()[i].instance_id) != claim.target_ids.end())
+      targets.push_back(i);
   const auto any_in_reach = [&](auto test) {
-    return std::ranges::any_of(claim.reach_m, [&](const glm::dvec3& place_m) { return test(seen_from(targets, sight, place_m)); });
+    return std::ranges::any_of(claim.reach_m,
+                               [&](const glm::dvec3& place_m) { return test(seen_from(targets, sight, place_m)); });
   };
   bool holds = true;
   switch (says(claim.reason)) {

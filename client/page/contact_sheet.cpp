@@ -49,8 +49,7 @@ class PanelPainter {
   }
 
   glm::vec3 direction(double x, double y) const {
-    return sample_direction(frame_.camera, frame_.lens, x, picture_.height - y, picture_.width,
-                            picture_.height);
+    return sample_direction(frame_.camera, frame_.lens, x, picture_.height - y, picture_.width, picture_.height);
   }
 
   // Four rays a pixel.
@@ -62,15 +61,13 @@ class PanelPainter {
   }
 
   glm::vec3 colour(const glm::vec3& ray) const {
-    const RayHit hit =
-        scene_.occluders.trace(frame_.camera.position_m, ray, static_cast<float>(frame_.lens.near_m),
-                                 std::numeric_limits<float>::infinity());
+    const RayHit hit = scene_.occluders.trace(frame_.camera.position_m, ray, static_cast<float>(frame_.lens.near_m),
+                                              std::numeric_limits<float>::infinity());
     if (hit.slot == UINT32_MAX) return kSky;
     const glm::vec3 normal = glm::normalize(hit.normal), view = glm::normalize(ray);
     const glm::vec3 facing = glm::dot(normal, view) > 0 ? -normal : normal;
     const glm::vec3 light = glm::normalize(glm::vec3(0.4f, 0.8f, 0.45f));
-    const float shade =
-        0.45f + 0.35f * std::max(0.0f, glm::dot(facing, light)) - 0.2f * glm::dot(facing, view);
+    const float shade = 0.45f + 0.35f * std::max(0.0f, glm::dot(facing, light)) - 0.2f * glm::dot(facing, view);
     const float haze = 1.0f - std::exp(-hit.distance_m * glm::length(ray) / kHazeM);
     return glm::mix(surface_colour(hit.slot, facing) * shade, kSky, haze);
   }
@@ -86,13 +83,12 @@ class PanelPainter {
 
   void outline(size_t k) {
     const Instance& target = scene_.mirror.instances()[slots_[k]];
-    const PixelBox box = sphere_pixels(frame_.camera, frame_.lens, target.center_m, target.radius_m,
-                                       picture_.width, picture_.height);
+    const PixelBox box = sphere_pixels(frame_.camera, frame_.lens, target.center_m, target.radius_m, picture_.width,
+                                       picture_.height);
     const int width = box.x1 - box.x0, height = box.y1 - box.y0;
     std::vector<Cover> cover(static_cast<size_t>(width) * static_cast<size_t>(height));
     const auto cover_at = [&](int x, int y) {
-      return x < 0 || y < 0 || x >= width || y >= height ? Cover::kNone
-                                                         : cover[static_cast<size_t>(y) * width + x];
+      return x < 0 || y < 0 || x >= width || y >= height ? Cover::kNone : cover[static_cast<size_t>(y) * width + x];
     };
     // The box counts rows from the bottom, the picture from the top.
     const int top = picture_.height - box.y1;
@@ -116,15 +112,14 @@ class PanelPainter {
     const float infinity = std::numeric_limits<float>::infinity();
     RayFilter alone;
     alone.only_slot = slot;
-    if (scene_.occluders.trace(frame_.camera.position_m, ray, near, infinity, alone).slot != slot)
-      return Cover::kNone;
+    if (scene_.occluders.trace(frame_.camera.position_m, ray, near, infinity, alone).slot != slot) return Cover::kNone;
     const RayHit first = scene_.occluders.trace(frame_.camera.position_m, ray, near, infinity);
     return first.slot == slot ? Cover::kSeen : Cover::kHidden;
   }
 
   void caption() {
-    PictureTruth truth = measure_picture(scene_.occluders, scene_.mirror, scene_.targets, frame_.camera,
-                                    frame_.lens, kTruthSize / 4);
+    PictureTruth truth = measure_picture(scene_.occluders, scene_.mirror, scene_.targets, frame_.camera, frame_.lens,
+                                         kTruthSize / 4);
     add_outlines(scene_.occluders, scene_.mirror, scene_.targets, frame_.camera, frame_.lens, truth);
     char text[64];
     std::snprintf(text, sizeof text, "%.1f s", frame_.time_s);
@@ -166,18 +161,16 @@ Picture draw_frame(const DrawnScene& scene, const CameraFrame& frame, int width)
   return PanelPainter(scene, frame, width).paint();
 }
 
-Picture contact_sheet(ScenarioWorld& world, std::span<const CameraFrame> frames,
-                      const ContactSheetOptions& options) {
+Picture contact_sheet(ScenarioWorld& world, std::span<const CameraFrame> frames, const ContactSheetOptions& options) {
   constexpr int kGap = 4;
   const int panels = options.columns * options.rows;
   std::optional<Picture> sheet;
   for (int k = 0; k < panels; ++k) {
-    const size_t at =
-        panels == 1 ? 0 : (frames.size() - 1) * static_cast<size_t>(k) / static_cast<size_t>(panels - 1);
+    const size_t at = panels == 1 ? 0 : (frames.size() - 1) * static_cast<size_t>(k) / static_cast<size_t>(panels - 1);
     const Picture panel = draw_frame(world, frames[at], options.panel_width);
     if (!sheet)
-      sheet.emplace(options.columns * (panel.width + kGap) + kGap,
-                    options.rows * (panel.height + kGap) + kGap, Rgb{24, 24, 28});
+      sheet.emplace(options.columns * (panel.width + kGap) + kGap, options.rows * (panel.height + kGap) + kGap,
+                    Rgb{24, 24, 28});
     paste(*sheet, panel, kGap + k % options.columns * (panel.width + kGap),
           kGap + k / options.columns * (panel.height + kGap));
   }

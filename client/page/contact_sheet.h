@@ -3,9 +3,9 @@
 
 #include <span>
 
-#include "client/truth/judge.h"
 #include "client/page/picture.h"
 #include "client/scenario/scenario_world.h"
+#include "client/truth/judge.h"
 
 namespace sightline {
 
@@ -15,8 +15,8 @@ struct ContactSheetOptions {
 };
 
 // Every target has a colour and an outline in that colour. The outline shows through occluders, and the hidden part is
-// hatched. Each panel has a caption with the time and the share of each target's whole body that the picture shows. `frames` must not be empty; `world` is
-// left at the last time.
+// hatched. Each panel has a caption with the time and the share of each target's whole body that the picture shows.
+// `frames` must not be empty; `world` is left at the last time.
 Picture contact_sheet(ScenarioWorld& world, std::span<const CameraFrame> frames,
                       const ContactSheetOptions& options = {});
 
@@ -26,9 +26,9 @@ Picture draw_frame(ScenarioWorld& world, const CameraFrame& frame, int width);
 // A scene in its present state.
 struct DrawnScene {
   const SceneMirror& mirror;
-  const EmbreeScene& occluders;           // made with Content::kOccluders, and up to date with the mirror
-  std::span<const Target> targets;        // each an instance of the mirror
-  std::span<const size_t> colours = {};   // index of each target's colour; empty: in order
+  const EmbreeScene& occluders;          // made with Content::kOccluders, and up to date with the mirror
+  std::span<const Target> targets;       // each an instance of the mirror
+  std::span<const size_t> colours = {};  // index of each target's colour; empty: in order
 };
 // The same for a scene; the frame's time is only printed.
 Picture draw_frame(const DrawnScene& scene, const CameraFrame& frame, int width);

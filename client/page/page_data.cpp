@@ -11,8 +11,7 @@ namespace sightline {
 static_assert(std::endian::native == std::endian::little);
 
 std::string to_base64(std::span<const uint8_t> bytes) {
-  static constexpr std::string_view kDigits =
-      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  static constexpr std::string_view kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
   std::string text;
   text.reserve((bytes.size() + 2) / 3 * 4);
   for (size_t i = 0; i < bytes.size(); i += 3) {
@@ -25,8 +24,7 @@ std::string to_base64(std::span<const uint8_t> bytes) {
   return text;
 }
 
-void PageData::add_bytes(const std::string& name, const char* type, std::span<const std::byte> bytes,
-                         size_t count) {
+void PageData::add_bytes(const std::string& name, const char* type, std::span<const std::byte> bytes, size_t count) {
   [[maybe_unused]] const bool added = directory_.emplace(name, Entry{type, bytes_.size(), count}).second;
   assert(added);
   const auto* data = reinterpret_cast<const uint8_t*>(bytes.data());

@@ -48,13 +48,11 @@ int text_width(const std::string& text, int scale) {
 
 void paste(Picture& picture, const Picture& part, int x, int y) {
   assert(x >= 0 && y >= 0 && x + part.width <= picture.width && y + part.height <= picture.height);
-  for (int row = 0; row < part.height; ++row)
-    std::copy_n(&part.at(0, row), part.width, &picture.at(x, y + row));
+  for (int row = 0; row < part.height; ++row) std::copy_n(&part.at(0, row), part.width, &picture.at(x, y + row));
 }
 
 Status write_png(const Picture& picture, const std::string& path) {
-  if (!stbi_write_png(path.c_str(), picture.width, picture.height, 3, picture.pixels.data(),
-                      3 * picture.width))
+  if (!stbi_write_png(path.c_str(), picture.width, picture.height, 3, picture.pixels.data(), 3 * picture.width))
     return fail(ErrorCode::kUnavailable, path, "cannot be written");
   return {};
 }
@@ -63,8 +61,7 @@ std::vector<uint8_t> encode_jpeg(const Picture& picture, int quality) {
   std::vector<uint8_t> bytes;
   const auto append = [](void* to, void* data, int size) {
     const auto* first = static_cast<const uint8_t*>(data);
-    static_cast<std::vector<uint8_t>*>(to)->insert(static_cast<std::vector<uint8_t>*>(to)->end(), first,
-                                                   first + size);
+    static_cast<std::vector<uint8_t>*>(to)->insert(static_cast<std::vector<uint8_t>*>(to)->end(), first, first + size);
   };
   stbi_write_jpg_to_func(append, &bytes, picture.width, picture.height, 3, picture.pixels.data(), quality);
   return bytes;

@@ -36,12 +36,11 @@ Status check_frame(const SessionPage& session, size_t i) {
     return invalid(at("frames", i, ".stage_us"), "must be as long as stages");
   if (frame.chosen_cell >= static_cast<int>(frame.cells.size()))
     return invalid(at("frames", i, ".chosen_cell"), "is none of its cells");
-  if (frame.shot && !is_finite(frame.shot->place_m)) return invalid(at("frames", i, ".shot"), "has a place that is not finite");
-  if (!std::isfinite(frame.time_s) || !is_finite(frame.camera.position_m) ||
-      !is_finite(frame.camera.rotation))
+  if (frame.shot && !is_finite(frame.shot->place_m))
+    return invalid(at("frames", i, ".shot"), "has a place that is not finite");
+  if (!std::isfinite(frame.time_s) || !is_finite(frame.camera.position_m) || !is_finite(frame.camera.rotation))
     return invalid(at("frames", i), "has a time or a camera that is not finite");
-  if (i > 0 && frame.time_s < session.frames[i - 1].time_s)
-    return invalid(at("frames", i, ".time_s"), "goes back");
+  if (i > 0 && frame.time_s < session.frames[i - 1].time_s) return invalid(at("frames", i, ".time_s"), "goes back");
   return {};
 }
 
@@ -72,11 +71,9 @@ Status check(const SessionPage& session) {
   for (size_t i = 0; i < session.movers.size(); ++i)
     if (Status ok = check_mover(session, i, moving); !ok) return ok;
   for (size_t i = 0; i < session.marks.size(); ++i)
-    if (session.marks[i].frame >= session.frames.size())
-      return invalid(at("marks", i, ".frame"), "is no frame");
+    if (session.marks[i].frame >= session.frames.size()) return invalid(at("marks", i, ".frame"), "is no frame");
   for (size_t i = 0; i < session.pictures.size(); ++i)
-    if (session.pictures[i].frame >= session.frames.size())
-      return invalid(at("pictures", i, ".frame"), "is no frame");
+    if (session.pictures[i].frame >= session.frames.size()) return invalid(at("pictures", i, ".frame"), "is no frame");
   for (size_t i = 0; i < session.figures.size(); ++i)
     if (session.figures[i].values.size() != session.columns.size())
       return invalid(at("figures", i, ".values"), "must be as long as columns");
@@ -199,7 +196,8 @@ class Shots {
  public:
   void add(const PageFrame& frame, Words& words, Words& occluders) {
     PageShot unknown;
-    unknown.place_m = glm::dvec3(kPageUnknown), unknown.asked.fill(kPageUnknown), unknown.now.fill(kPageUnknown), unknown.deviation.fill(kPageUnknown);
+    unknown.place_m = glm::dvec3(kPageUnknown), unknown.asked.fill(kPageUnknown), unknown.now.fill(kPageUnknown),
+    unknown.deviation.fill(kPageUnknown);
     unknown.sight_loss = unknown.worth = kPageUnknown;
     const PageShot& shot = frame.shot ? *frame.shot : unknown;
     append(place_m_, shot.place_m);
@@ -207,15 +205,20 @@ class Shots {
     for (const double value : shot.now) now_.push_back(value);
     for (const double value : shot.deviation) deviation_.push_back(value);
     sight_loss_.push_back(shot.sight_loss), worth_.push_back(shot.worth);
-    const auto index = [&](uint64_t id) { return id != 0 ? static_cast<int32_t>(occluders.index_of(id_text(id))) : -1; };
-    hidden_by_.push_back(index(shot.hidden_by)), hidden_target_.push_back(index(shot.hidden_target)), hidden_in_s_.push_back(shot.hidden_in_s);
+    const auto index = [&](uint64_t id) {
+      return id != 0 ? static_cast<int32_t>(occluders.index_of(id_text(id))) : -1;
+    };
+    hidden_by_.push_back(index(shot.hidden_by)), hidden_target_.push_back(index(shot.hidden_target)),
+        hidden_in_s_.push_back(shot.hidden_in_s);
     course_.push_back(words.index_of(shot.course));
     for (const double value : shot.losses) losses_.push_back(value);
   }
   void write(PageData& data) const {
-    data.add("shot_place_m", place_m_), data.add("shot_asked", asked_), data.add("shot_now", now_), data.add("shot_deviation", deviation_);
+    data.add("shot_place_m", place_m_), data.add("shot_asked", asked_), data.add("shot_now", now_),
+        data.add("shot_deviation", deviation_);
     data.add("sight_loss", sight_loss_), data.add("worth", worth_);
-    data.add("shot_hidden_by", hidden_by_), data.add("shot_hidden_target", hidden_target_), data.add("shot_hidden_in_s", hidden_in_s_);
+    data.add("shot_hidden_by", hidden_by_), data.add("shot_hidden_target", hidden_target_),
+        data.add("shot_hidden_in_s", hidden_in_s_);
     data.add("course", course_), data.add("course_losses", losses_);
   }
 
@@ -234,8 +237,7 @@ class Frames {
     append(camera_, frame.camera);
     fov_rad_.push_back(frame.vertical_fov_rad);
     append(velocity_mps_, frame.velocity_mps);
-    counts_.insert(counts_.end(),
-                   {frame.counts.all_visible, frame.counts.some_visible, frame.counts.none_visible});
+    counts_.insert(counts_.end(), {frame.counts.all_visible, frame.counts.some_visible, frame.counts.none_visible});
     status_.push_back(words_.index_of(frame.status));
     reason_.push_back(words_.index_of(frame.reason));
     text_.push_back(words_.index_of(frame.text));
@@ -394,8 +396,7 @@ void write_pictures(const SessionPage& session, Json& page) {
 
 Json directory_of(const PageData& data) {
   Json directory = Json::object();
-  for (const auto& [name, entry] : data.directory())
-    directory[name] = {entry.type, entry.offset, entry.count};
+  for (const auto& [name, entry] : data.directory()) directory[name] = {entry.type, entry.offset, entry.count};
   return directory;
 }
 
@@ -425,8 +426,7 @@ std::string html_text(const std::string& text) {
 }
 
 // The template with each {{NAME}} replaced, in their order in it.
-std::string fill(std::string_view page,
-                 std::initializer_list<std::pair<std::string_view, std::string>> places) {
+std::string fill(std::string_view page, std::initializer_list<std::pair<std::string_view, std::string>> places) {
   std::string filled;
   for (const auto& [name, text] : places) {
     const size_t place = page.find(name);
@@ -452,9 +452,9 @@ Result<std::string> session_page(const SessionPage& session) {
   write_cells(session, data);
   write_pictures(session, page);
   page["arrays"] = directory_of(data);
-  return fill(page_template(), {{"{{TITLE}}", html_text(session.title)},
-                                {"{{SESSION}}", inside_script(page)},
-                                {"{{DATA}}", data.encoded()}});
+  return fill(
+      page_template(),
+      {{"{{TITLE}}", html_text(session.title)}, {"{{SESSION}}", inside_script(page)}, {"{{DATA}}", data.encoded()}});
 }
 
 Status write_session_page(const SessionPage& session, const std::string& path) {

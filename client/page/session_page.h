@@ -1,14 +1,14 @@
-// One session as one HTML page that opens from disk without a network: the scene in 3D, what the camera did, what it saw
-// and why. This header is the contract between the page and the code that knows a session: fill a SessionPage, then write
-// it.
+// One session as one HTML page that opens from disk without a network: the scene in 3D, what the camera did, what it
+// saw and why. This header is the contract between the page and the code that knows a session: fill a SessionPage, then
+// write it.
 //
 // Frame: the canonical one (glTF: right-handed, +Y up, a camera looks along its own -Z), metres, seconds, radians. The
 // page's 3D engine draws positions in single precision, so positions should be near the origin.
 //
-// Names and texts are JSON in the page. Every row of numbers is a typed array; all arrays together are deflated (zlib) and
-// in base64 (page_data.h has the layout). Mesh positions have 16 bits an axis over the mesh's bounds, cells 16 bits an axis
-// over the bounds of their frame, moving instances single precision. The camera, times, shares and stage times keep their
-// precision.
+// Names and texts are JSON in the page. Every row of numbers is a typed array; all arrays together are deflated (zlib)
+// and in base64 (page_data.h has the layout). Mesh positions have 16 bits an axis over the mesh's bounds, cells 16 bits
+// an axis over the bounds of their frame, moving instances single precision. The camera, times, shares and stage times
+// keep their precision.
 #pragma once
 
 #include <array>
@@ -35,8 +35,8 @@ struct PageInstance {
   uint64_t id = 0;
   std::string name;                          // empty: the page shows the id
   std::shared_ptr<const Geometry> geometry;  // not null; equal pointers are stored once
-  // Its transform. For an instance that moves (SessionPage::movers), only the linear part counts, which is applied before
-  // the pose.
+  // Its transform. For an instance that moves (SessionPage::movers), only the linear part counts, which is applied
+  // before the pose.
   Affine world_from_instance = identity_affine();
   bool occludes = true;
   bool moves = false;  // is drawn in the colour of moving things, even when no mover moves it
@@ -62,16 +62,16 @@ struct PageTarget {
 
 // One target in one frame.
 struct PageSight {
-  bool present = true;    // false: it is no target in this frame, and nothing below is shown
-  bool steered = true;    // its weight is above 0, so the camera follows it
-  glm::dvec3 aim_m{0.0};  // what the camera aims at, world; not finite: not known
+  bool present = true;               // false: it is no target in this frame, and nothing below is shown
+  bool steered = true;               // its weight is above 0, so the camera follows it
+  glm::dvec3 aim_m{0.0};             // what the camera aims at, world; not finite: not known
   double visible_share = 0.0;        // of the sampled points, in this step, [0, 1]
   double filtered_share = 0.0;       // over the last steps, [0, 1]
   double true_share = kPageUnknown;  // of the target's pixels, by a re-render, [0, 1]; most frames have none
-  std::string state;            // "VISIBLE", "PARTIAL", "OCCLUDED", "OFF_SCREEN": other words are shown grey
-  double distance_m = 0.0;      // from the camera to aim_m
-  uint64_t occluder_id = 0;     // the instance that hides most of it; 0: none
-  double occluder_share = 0.0;  // of the target's points that it hides, [0, 1]
+  std::string state;                 // "VISIBLE", "PARTIAL", "OCCLUDED", "OFF_SCREEN": other words are shown grey
+  double distance_m = 0.0;           // from the camera to aim_m
+  uint64_t occluder_id = 0;          // the instance that hides most of it; 0: none
+  double occluder_share = 0.0;       // of the target's points that it hides, [0, 1]
 };
 
 // A candidate camera position of the step.
@@ -87,14 +87,16 @@ struct PageCounts {
 
 // The shot in force in one frame, and what was weighed against it (contract: ShotReport, ComparedCourses).
 struct PageShot {
-  glm::dvec3 place_m{0.0};                                // of the shot
-  std::array<double, 3> asked{}, now{};                   // side and height in radians, distance in metres
-  std::array<double, 4> deviation{};                      // of side, height, size and place, [0, 1]
-  double sight_loss = 0.0, worth = 0.0;                   // [0, 1]
-  uint64_t hidden_by = 0, hidden_target = 0;              // an instance that hides a target from the place of the shot, or is expected to; 0: none
-  double hidden_in_s = kPageUnknown;                      // when it is expected to; unknown: it hides the target now
-  std::string course;                                     // one word; empty: not known
-  std::array<double, 3> losses{kPageUnknown, kPageUnknown, kPageUnknown};  // expected of following, staying and the plan
+  glm::dvec3 place_m{0.0};               // of the shot
+  std::array<double, 3> asked{}, now{};  // side and height in radians, distance in metres
+  std::array<double, 4> deviation{};     // of side, height, size and place, [0, 1]
+  double sight_loss = 0.0, worth = 0.0;  // [0, 1]
+  // an instance that hides a target from the place of the shot, or is expected to; 0: none
+  uint64_t hidden_by = 0, hidden_target = 0;
+  double hidden_in_s = kPageUnknown;  // when it is expected to; unknown: it hides the target now
+  std::string course;                 // one word; empty: not known
+  // expected of following, staying and the plan
+  std::array<double, 3> losses{kPageUnknown, kPageUnknown, kPageUnknown};
 };
 
 struct PageFrame {
@@ -108,8 +110,8 @@ struct PageFrame {
   std::string status, reason;  // one word each
   std::string text;            // one sentence
   std::optional<PageShot> shot;
-  bool cut = false;            // the pose jumped on purpose
-  uint32_t flags = 0;          // bit i: SessionPage::flags[i]
+  bool cut = false;    // the pose jumped on purpose
+  uint32_t flags = 0;  // bit i: SessionPage::flags[i]
   uint32_t merged_ticks = 0;
   double queue_us = kPageUnknown;     // how long the newest tick waited for the step
   std::vector<float> stage_us;        // as long as SessionPage::stages
@@ -147,14 +149,14 @@ struct FigureRow {
 
 struct SessionPage {
   std::string title;
-  std::vector<std::string> notices;  // warnings that stand above the page, one sentence each
-  std::vector<std::pair<std::string, std::string>>
-      facts;                   // name, value: sampler, seed, scene, rate and so on
-  double aspect = 16.0 / 9.0;  // of the picture, width / height, above 0
-  double body_radius_m = 0.0;  // [0, 10]
-  double clearance_reach_m = 0.0;  // PageFrame::clearance_m is this much where the nearest collider is farther; 0: it is always exact
+  std::vector<std::string> notices;                        // warnings that stand above the page, one sentence each
+  std::vector<std::pair<std::string, std::string>> facts;  // name, value: sampler, seed, scene, rate and so on
+  double aspect = 16.0 / 9.0;                              // of the picture, width / height, above 0
+  double body_radius_m = 0.0;                              // [0, 10]
+  // PageFrame::clearance_m is this much where the nearest collider is farther; 0: it is always exact
+  double clearance_reach_m = 0.0;
   std::vector<PageInstance> instances;
-  std::vector<PageTarget> targets;    // at most 32
+  std::vector<PageTarget> targets;  // at most 32
   std::vector<PageMover> movers;
   std::vector<std::string> stages;    // names, in the order in which they run
   std::vector<std::string> flags;     // names; at most 32

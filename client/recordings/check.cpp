@@ -18,8 +18,8 @@ std::string number(uint64_t value) {
   return std::to_string(value);
 }
 
-// True when the numbers of all topics begin at 1. A cut may begin anywhere, even when it has no snapshot tick because it
-// begins before the first reply.
+// True when the numbers of all topics begin at 1. A cut may begin anywhere, even when it has no snapshot tick because
+// it begins before the first reply.
 bool begins_with_session(const Recording& recording) {
   const auto& metadata = recording.container().metadata;
   const bool cut = std::any_of(metadata.begin(), metadata.end(),
@@ -39,8 +39,7 @@ class SessionCheck {
   void take(const McapMessage& m) {
     const auto topic = record_topic_of(m.channel.topic);
     if (!topic) return;
-    now_s_ =
-        m.message.log_time_ns > start_ns_ ? static_cast<double>(m.message.log_time_ns - start_ns_) * 1e-9 : 0;
+    now_s_ = m.message.log_time_ns > start_ns_ ? static_cast<double>(m.message.log_time_ns - start_ns_) * 1e-9 : 0;
     count(*topic, m.message.sequence);
     if (*topic == RecordTopic::kTick) parsed<v1::Tick>(m, [this](const v1::Tick& tick) { take_tick(tick); });
     if (*topic == RecordTopic::kReply)
@@ -52,8 +51,7 @@ class SessionCheck {
 
   SessionVerdict finish() {
     if (verdict_.missing > told_missing_)
-      note(number(verdict_.missing) + " messages are missing by their numbers, Gaps report " +
-           number(told_missing_));
+      note(number(verdict_.missing) + " messages are missing by their numbers, Gaps report " + number(told_missing_));
     if (verdict_.undecodable > 0)
       note(number(verdict_.undecodable) + " messages cannot be decoded as their topics require");
     return std::move(verdict_);
@@ -85,8 +83,7 @@ class SessionCheck {
 
   // A head contains no replies, rejections or faults.
   void note_place(RecordTopic topic) {
-    answered_ |=
-        topic == RecordTopic::kReply || topic == RecordTopic::kTickError || topic == RecordTopic::kFault;
+    answered_ |= topic == RecordTopic::kReply || topic == RecordTopic::kTickError || topic == RecordTopic::kFault;
     in_head_ = in_head_ && !answered_;
     ticks_count_ |= topic == RecordTopic::kTick && !in_head_;
   }
@@ -110,15 +107,16 @@ class SessionCheck {
       note("refuses tick " + number(rejection.sequence()) + ", which is not among the unanswered ticks");
   }
 
-  // Before the first reply of a later part, only ticks can have been lost between numbered messages, and their numbers do
-  // not count yet.
+  // Before the first reply of a later part, only ticks can have been lost between numbered messages, and their numbers
+  // do not count yet.
   void take_gap(const v1::Gap& gap) {
     verdict_.gap_messages += gap.messages();
     if (answered_ || ticks_count_) told_missing_ += gap.messages();
     unsure_ = true;
-    // A Gap ends the head, unless it replaces a snapshot tick that was too large: the waiting ticks come after that one.
-    const bool for_fold =
-        gap.reason() == v1::Gap::REASON_TOO_LARGE && !last_number_[static_cast<size_t>(RecordTopic::kTick)];
+    // A Gap ends the head, unless it replaces a snapshot tick that was too large: the waiting ticks come after that
+    // one.
+    const bool for_fold = gap.reason() == v1::Gap::REASON_TOO_LARGE &&
+                          !last_number_[static_cast<size_t>(RecordTopic::kTick)];
     in_head_ = in_head_ && for_fold;
   }
 
@@ -133,11 +131,10 @@ class SessionCheck {
     } else if (pending_.empty()) {
       note("reply to tick " + number(reply.sequence()) + ", and no tick since the former reply");
     } else if (pending_.back() != reply.sequence()) {
-      note("reply to tick " + number(reply.sequence()) + ", but the newest is tick " +
-           number(pending_.back()));
+      note("reply to tick " + number(reply.sequence()) + ", but the newest is tick " + number(pending_.back()));
     } else if (reply.merged_ticks() != merged) {
-      note("reply to tick " + number(reply.sequence()) + " says that it merged " +
-           number(reply.merged_ticks()) + " ticks, the file has " + number(merged));
+      note("reply to tick " + number(reply.sequence()) + " says that it merged " + number(reply.merged_ticks()) +
+           " ticks, the file has " + number(merged));
     }
     last_reply_ = reply.sequence();
     pending_.clear();
@@ -159,8 +156,8 @@ class SessionCheck {
 
   const uint64_t start_ns_;
   const bool from_start_;
-  bool snapshot_next_;     // the next tick is a snapshot
-  bool unsure_ = false;    // something is missing since the last reply
+  bool snapshot_next_;   // the next tick is a snapshot
+  bool unsure_ = false;  // something is missing since the last reply
   // The head of a later part repeats the unanswered ticks. Refused ticks have numbers too, but stand only in the part
   // before. So numbers say nothing about missing ticks until the first tick that is certainly not a repeated one.
   bool in_head_;  // all messages so far may be repeated ones

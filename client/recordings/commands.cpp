@@ -41,7 +41,8 @@ class WatchedSource final : public ByteSource {
 // Writes the new file `path` from `file`; a file that `write` did not complete is removed.
 template <typename Write>
 auto write_new_file(const std::string& path, const std::string& file, ProgressBar& bar, const char* what,
-                    const Write& write) -> decltype(write(std::shared_ptr<const ByteSource>(), std::declval<ByteSink&>())) {
+                    const Write& write)
+    -> decltype(write(std::shared_ptr<const ByteSource>(), std::declval<ByteSink&>())) {
   const auto source = open_watched(file, bar, what);
   if (!source) return tl::unexpected(source.error());
   const auto sink = create_file_sink(path);
@@ -108,25 +109,23 @@ nlohmann::ordered_json json_of(const std::string& cut, const RecordingCut& done)
 
 void print_recovery(std::ostream& out, const std::string& copy, const McapRecovery& done) {
   out << "copy        " << copy << '\n'
-      << "copied      " << grouped(done.messages) << " messages of " << grouped(done.chunks)
-      << " whole chunks, " << grouped(done.attachments) << " attachments, " << grouped(done.metadata)
-      << " metadata\n"
-      << "finished    "
-      << (done.was_finished ? "yes" : "no: data after the last chunk, if any, is lost") << '\n'
+      << "copied      " << grouped(done.messages) << " messages of " << grouped(done.chunks) << " whole chunks, "
+      << grouped(done.attachments) << " attachments, " << grouped(done.metadata) << " metadata\n"
+      << "finished    " << (done.was_finished ? "yes" : "no: data after the last chunk, if any, is lost") << '\n'
       << "lost        " << loss_text(done.loss) << '\n';
   print_troubles(out, done.loss);
 }
 
 void print_cut(std::ostream& out, const std::string& cut, const RecordingCut& done) {
   out << "cut         " << cut << '\n'
-      << "copied      " << grouped(done.messages) << " messages, " << grouped(done.attachments)
-      << " attachments\n"
+      << "copied      " << grouped(done.messages) << " messages, " << grouped(done.attachments) << " attachments\n"
       << "begins      "
       << (done.snapshot_ticks == 0 ? std::string("where the recording begins")
                                    : "after " + grouped(done.snapshot_ticks) + " ticks, given as one snapshot tick")
       << '\n';
   if (done.lead_messages > 0)
-    out << formatted("lead        %.3f s before the range, so that a replay has the camera's state to the bit\n", done.lead_s);
+    out << formatted("lead        %.3f s before the range, so that a replay has the camera's state to the bit\n",
+                     done.lead_s);
 }
 
 // Reads the copy as any other file, as far as the source was read.
@@ -151,8 +150,10 @@ Verb add_verb(CLI::App& app, const char* name, const char* help,
   options->progress = isatty(STDERR_FILENO) != 0;
   CLI::App* command = app.add_subcommand(name, help);
   flags(*command, *options);
-  command->add_option("--max-unpacked-gib", options->read.max_unpacked_gib,
-                      "Most that the chunks of a file may unpack to, in GiB. Default: 512 times the file's size, and 0.25 GiB")
+  command
+      ->add_option(
+          "--max-unpacked-gib", options->read.max_unpacked_gib,
+          "Most that the chunks of a file may unpack to, in GiB. Default: 512 times the file's size, and 0.25 GiB")
       ->check(CLI::PositiveNumber);
   return {command, [options, run] { return run(*options, std::cout, std::cerr); }};
 }
@@ -182,7 +183,8 @@ Result<std::shared_ptr<const ByteSource>> open_watched(const std::string& path, 
 McapLimits ReadLimit::limits() const {
   McapLimits limits;
   // Beyond what a number of bytes holds, there is no limit.
-  if (max_unpacked_gib > 0) limits.max_unpacked_bytes = static_cast<uint64_t>(std::min(max_unpacked_gib, 1e9) * (uint64_t{1} << 30));
+  if (max_unpacked_gib > 0)
+    limits.max_unpacked_bytes = static_cast<uint64_t>(std::min(max_unpacked_gib, 1e9) * (uint64_t{1} << 30));
   return limits;
 }
 
@@ -217,7 +219,8 @@ int run_recover_command(const RecoverOptions& options, std::ostream& out, std::o
   const Status sound = done ? check_copy(options, bar) : Status{};
   bar.clear();
   if (!done || !sound) {
-    err << (done ? error_text(options.out, sound.error()) : copy_error(options.file, options.out, done.error())) << '\n';
+    err << (done ? error_text(options.out, sound.error()) : copy_error(options.file, options.out, done.error()))
+        << '\n';
     return 1;
   }
   if (options.json)
@@ -276,16 +279,15 @@ std::vector<Verb> add_recording_verbs(CLI::App& app) {
                  command.add_option("--out", options.out, "The copy: a new file")->required();
                  command.add_flag("--json", options.json, "One JSON object instead of text");
                }),
-      add_verb(app, "dump", "Print the messages of a recording, or of any MCAP file, as lines of JSON",
-               run_dump_into_pipe,
-               [](CLI::App& command, DumpOptions& options) {
-                 command.add_option("file", options.file, "An MCAP file")->required();
-                 command.add_option("--topic", options.topics, "Only this topic; may be repeated")
-                     ->allow_extra_args(false);
-                 add_range(command, options.start_s, options.end_s);
-                 command.add_option("--limit", options.limit, "Print at most this many lines");
-                 command.add_option("--out", options.out, "Write to this new file instead of the standard output");
-               }),
+      add_verb(
+          app, "dump", "Print the messages of a recording, or of any MCAP file, as lines of JSON", run_dump_into_pipe,
+          [](CLI::App& command, DumpOptions& options) {
+            command.add_option("file", options.file, "An MCAP file")->required();
+            command.add_option("--topic", options.topics, "Only this topic; may be repeated")->allow_extra_args(false);
+            add_range(command, options.start_s, options.end_s);
+            command.add_option("--limit", options.limit, "Print at most this many lines");
+            command.add_option("--out", options.out, "Write to this new file instead of the standard output");
+          }),
       add_verb(app, "cut", "Copy a part of a recording into a recording that stands alone", run_cut_command,
                [](CLI::App& command, CutOptions& options) {
                  command.add_option("file", options.file, "A recording")->required();

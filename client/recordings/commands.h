@@ -1,7 +1,7 @@
 // The commands on recordings: `sightline info`, `verify`, `recover`, `dump` and `cut`. None overwrites a file.
 //
-// Each run_..._command prints to `out` and returns its exit status: 0 done; 1 it did not work, or the answer is "not sound",
-// with the reason on `err`. `progress` draws a progress bar on `err`.
+// Each run_..._command prints to `out` and returns its exit status: 0 done; 1 it did not work, or the answer is "not
+// sound", with the reason on `err`. `progress` draws a progress bar on `err`.
 #pragma once
 
 #include <cstdint>
@@ -43,8 +43,8 @@ struct VerifyOptions {
 };
 int run_verify_command(const VerifyOptions& options, std::ostream& out, std::ostream& err);
 
-// Makes a sound copy of a damaged or unfinished file, and verifies it. 0: nothing that the file holds was lost. 1: something was lost, and
-// the copy holds the rest.
+// Makes a sound copy of a damaged or unfinished file, and verifies it. 0: nothing that the file holds was lost. 1:
+// something was lost, and the copy holds the rest.
 struct RecoverOptions {
   std::string file = {};
   ReadLimit read = {};
@@ -55,8 +55,8 @@ struct RecoverOptions {
 int run_recover_command(const RecoverOptions& options, std::ostream& out, std::ostream& err);
 
 // Prints the messages of a recording, or of any MCAP file, as lines of JSON: {"topic", "sequence", "log_time_ns",
-// "publish_time_ns", "message"}. A message that cannot be decoded has "error" instead of "message". Ends without an error
-// when the reader of `out` has closed it.
+// "publish_time_ns", "message"}. A message that cannot be decoded has "error" instead of "message". Ends without an
+// error when the reader of `out` has closed it.
 struct DumpOptions {
   std::string file = {};
   ReadLimit read = {};

@@ -6,8 +6,8 @@
 #include <optional>
 #include <vector>
 
-#include "client/recordings/summary.h"
 #include "client/base/text_table.h"
+#include "client/recordings/summary.h"
 #include "server/record/session_snapshot.h"
 
 namespace sightline {
@@ -29,8 +29,8 @@ class Cutter {
         range_(range),
         start_ns_(log_time_after(recording.start_ns(), range.start_s)),
         end_ns_(log_time_after(recording.start_ns(), range.end_s)),
-        writer_(sink, {.profile = recording.container().header.profile,
-                       .library = recording.container().header.library}),
+        writer_(sink,
+                {.profile = recording.container().header.profile, .library = recording.container().header.library}),
         snapshot_next_(recording.info().snapshot_ticks() > 0) {
     snapshot_.take_open(recording.open_session());
   }
@@ -38,13 +38,11 @@ class Cutter {
   Result<RecordingCut> run() {
     find_lead();
     if (Status ok = copy_beside(); !ok) return tl::unexpected(ok.error());
-    const McapReadReport report =
-        recording_.reader().read({}, [this](const McapMessage& m) { return take(m); });
+    const McapReadReport report = recording_.reader().read({}, [this](const McapMessage& m) { return take(m); });
     if (trouble_) return tl::unexpected(*trouble_);
     if (place_ != Place::kWithin || done_.messages == 0)
-      return invalid(
-          place_ == Place::kWithin ? "end_s" : "start_s",
-          formatted("the recording has nothing in this range; it lasts %.3f s", recording_.duration_s()));
+      return invalid(place_ == Place::kWithin ? "end_s" : "start_s",
+                     formatted("the recording has nothing in this range; it lasts %.3f s", recording_.duration_s()));
     if (Status ok = writer_.finish(); !ok) return tl::unexpected(ok.error());
     add_loss(recording_.container().loss);
     if (recording_.container().loss.none()) add_loss(report.loss);
@@ -79,9 +77,8 @@ class Cutter {
       if (!metadata) return tl::unexpected(metadata.error());
       if (Status ok = writer_.add_metadata(*metadata); !ok) return ok;
     }
-    const std::string end = range_.end_s < recording_.duration_s()
-                                ? formatted("%.3f", range_.end_s)
-                                : formatted("%.3f", recording_.duration_s());
+    const std::string end = range_.end_s < recording_.duration_s() ? formatted("%.3f", range_.end_s)
+                                                                   : formatted("%.3f", recording_.duration_s());
     const mcap::Metadata cut{kCutMetadata,
                              {{"of", std::filesystem::path(recording_.name()).filename().string()},
                               {"start_s", formatted("%.3f", range_.start_s)},
@@ -91,8 +88,7 @@ class Cutter {
     for (const mcap::AttachmentIndex& index : recording_.container().attachments) {
       const auto bytes = recording_.reader().attachment(index);
       if (!bytes) return tl::unexpected(bytes.error());
-      Status ok = writer_.attach(
-          {index.log_time_ns, index.create_time_ns, index.name, index.content_type, *bytes, 0});
+      Status ok = writer_.attach({index.log_time_ns, index.create_time_ns, index.name, index.content_type, *bytes, 0});
       if (!ok) return ok;
       ++done_.attachments;
     }
@@ -168,8 +164,7 @@ class Cutter {
   void keep(RecordTopic topic, const McapMessage& m) {
     auto& kept = kept_[static_cast<size_t>(topic)];
     if (kept && topic <= RecordTopic::kOpened) return;
-    kept = KeptMessage{
-        m.channel, {}, m.message.sequence, m.message.publish_time_ns, std::string(m.message.data)};
+    kept = KeptMessage{m.channel, {}, m.message.sequence, m.message.publish_time_ns, std::string(m.message.data)};
     if (m.schema) kept->schema = *m.schema;
   }
 
@@ -270,8 +265,8 @@ class Cutter {
       }
       schema_id = known->second;
     }
-    const Result<uint16_t> made =
-        writer_.add_channel(channel.topic, schema_id, channel.message_encoding, channel.metadata);
+    const Result<uint16_t> made = writer_.add_channel(channel.topic, schema_id, channel.message_encoding,
+                                                      channel.metadata);
     if (made) channels_.emplace(channel.id, *made);
     return made;
   }

@@ -1,5 +1,5 @@
-// `sightline dump`: messages of MCAP files as JSON. The schemas come from the file itself, so that messages for viewers and
-// files of other programs can be printed too.
+// `sightline dump`: messages of MCAP files as JSON. The schemas come from the file itself, so that messages for viewers
+// and files of other programs can be printed too.
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/descriptor.pb.h>
 #include <google/protobuf/dynamic_message.h>
@@ -42,7 +42,8 @@ Error unsupported(const mcap::Schema& schema, std::string why) {
   return {ErrorCode::kUnsupported, schema.name, std::move(why)};
 }
 
-// The printer asks for all types of a message at every message, and the pool's own resolver builds each of them every time.
+// The printer asks for all types of a message at every message, and the pool's own resolver builds each of them every
+// time.
 class KeptTypes final : public pb::util::TypeResolver {
  public:
   explicit KeptTypes(const pb::DescriptorPool& pool)
@@ -74,12 +75,13 @@ class KeptTypes final : public pb::util::TypeResolver {
   std::map<std::string, pb::Enum> enums_;
 };
 
-// Single-threaded. Holds a pool of types for each schema that it has met. Schemas must outlive it and keep their addresses.
+// Single-threaded. Holds a pool of types for each schema that it has met. Schemas must outlive it and keep their
+// addresses.
 class MessageJson {
  public:
   // One line: protobuf's own JSON with the names of the .proto file; a message in JSON stays as it is. Fails with
-  // kUnsupported for other encodings and for invalid schemas, and with kDataLoss for bytes that do not fit the schema. The
-  // text is valid until the next call.
+  // kUnsupported for other encodings and for invalid schemas, and with kDataLoss for bytes that do not fit the schema.
+  // The text is valid until the next call.
   Result<const std::string*> text_of(const McapMessage& message);
 
  private:
@@ -117,8 +119,7 @@ Result<MessageJson::Types*> MessageJson::types_of(const mcap::Schema& schema) {
         return tl::unexpected(unsupported(schema, "the schema does not go together: " + complaint.text));
     }
     const pb::Descriptor* type = types->pool.FindMessageTypeByName(schema.name);
-    if (type == nullptr)
-      return tl::unexpected(unsupported(schema, "the schema has no message of its own name"));
+    if (type == nullptr) return tl::unexpected(unsupported(schema, "the schema has no message of its own name"));
     types->prototype = types->factory.GetPrototype(type);
     types->url.append(kTypeHost).append("/").append(schema.name);
     return types;
@@ -151,8 +152,8 @@ Result<const std::string*> MessageJson::text_of(const McapMessage& m) {
     return fail(ErrorCode::kDataLoss, m.channel.topic, "is not what its schema says");
   pb::util::JsonPrintOptions print;
   print.preserve_proto_field_names = true;
-  const auto done = pb::util::BinaryToJsonString(&(*types)->kept, (*types)->url, std::string(m.message.data),
-                                                 &text_, print);
+  const auto done = pb::util::BinaryToJsonString(&(*types)->kept, (*types)->url, std::string(m.message.data), &text_,
+                                                 print);
   if (!done.ok()) return fail(ErrorCode::kDataLoss, m.channel.topic, std::string(done.message()));
   return &text_;
 }
@@ -168,8 +169,7 @@ Status check_topics(const McapInfo& info, const std::vector<std::string>& topics
     const auto is_it = [&](const auto& channel) { return channel.second.topic == topic; };
     if (std::any_of(info.channels.begin(), info.channels.end(), is_it)) continue;
     std::string known;
-    for (const auto& [_, channel] : info.channels)
-      known.append(known.empty() ? "" : ", ").append(channel.topic);
+    for (const auto& [_, channel] : info.channels) known.append(known.empty() ? "" : ", ").append(channel.topic);
     return fail(ErrorCode::kNotFound, "--topic",
                 "the file has no topic " + printable(topic, 100) + "; it has " + printable(known, 1000));
   }
@@ -197,8 +197,7 @@ class Dumper {
     }
     errno = 0;
     out_ << "{\"topic\":" << quoted(m.channel.topic) << ",\"sequence\":" << m.message.sequence
-         << ",\"log_time_ns\":" << m.message.log_time_ns
-         << ",\"publish_time_ns\":" << m.message.publish_time_ns;
+         << ",\"log_time_ns\":" << m.message.log_time_ns << ",\"publish_time_ns\":" << m.message.publish_time_ns;
     if (text)
       out_ << ",\"message\":" << **text << "}\n";
     else

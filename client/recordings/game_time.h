@@ -7,7 +7,8 @@
 
 namespace sightline {
 
-// Tick.time_s of the first and the last tick of the file. A snapshot tick has the time of the newest tick that it sums up.
+// Tick.time_s of the first and the last tick of the file. A snapshot tick has the time of the newest tick that it sums
+// up.
 struct GameTime {
   double start_s = 0.0;
   double end_s = 0.0;

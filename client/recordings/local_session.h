@@ -36,8 +36,8 @@ struct LocalWorld {
 // Single-threaded.
 class LocalSession {
  public:
-  // Fails as opening a session at a daemon does, with the same field paths. `world` must outlive it. Without a clock stage
-  // times are 0.
+  // Fails as opening a session at a daemon does, with the same field paths. `world` must outlive it. Without a clock
+  // stage times are 0.
   static Result<std::unique_ptr<LocalSession>> open(const v1::OpenSession& request, LocalWorld& world,
                                                     StageClock clock = {});
 
@@ -61,8 +61,7 @@ class LocalSession {
   const Session& session() const { return *session_; }
 
  private:
-  LocalSession(LocalWorld& world, std::unique_ptr<Session> session)
-      : world_(world), session_(std::move(session)) {}
+  LocalSession(LocalWorld& world, std::unique_ptr<Session> session) : world_(world), session_(std::move(session)) {}
 
   LocalWorld& world_;
   const std::unique_ptr<Session> session_;

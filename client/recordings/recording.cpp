@@ -88,11 +88,9 @@ Error not_ours(const std::string& name, std::string why) {
 
 Result<Convention> convention_of(const v1::OpenSession& open) {
   Convention convention;
-  if (Status ok = read_convention(open.convention(), "open.", convention); !ok)
-    return tl::unexpected(ok.error());
+  if (Status ok = read_convention(open.convention(), "open.", convention); !ok) return tl::unexpected(ok.error());
   glm::dvec3 origin(0.0);
-  if (Status ok = read_vector(open.world_origin(), "open.world_origin", origin); !ok)
-    return tl::unexpected(ok.error());
+  if (Status ok = read_vector(open.world_origin(), "open.world_origin", origin); !ok) return tl::unexpected(ok.error());
   convention.origin_m = vector_from_client(convention, origin);
   return convention;
 }
@@ -110,8 +108,7 @@ Result<Recording> Recording::open(const std::string& path, McapLimits limits) {
   return open(std::shared_ptr<const ByteSource>(std::move(*source)), path, limits);
 }
 
-Result<Recording> Recording::open(std::shared_ptr<const ByteSource> source, std::string name,
-                                  McapLimits limits) {
+Result<Recording> Recording::open(std::shared_ptr<const ByteSource> source, std::string name, McapLimits limits) {
   auto reader = McapReader::open(*source, limits);
   if (!reader) {
     Error error = std::move(reader.error());
@@ -137,14 +134,14 @@ Status Recording::read_head() {
   };
   reader_.read(query, [&](const McapMessage& m) {
     const auto topic = record_topic_of(m.channel.topic);
-    if (topic == RecordTopic::kInfo) take(info_, has_info, m.message.data), sessions.insert(session_text(m.message.data));
+    if (topic == RecordTopic::kInfo)
+      take(info_, has_info, m.message.data), sessions.insert(session_text(m.message.data));
     if (topic == RecordTopic::kOpen) take(open_, has_open, m.message.data);
     if (topic == RecordTopic::kOpened) take(opened_, has_opened, m.message.data);
     return --left > 0;
   });
   if (sessions.size() > 1) return tl::unexpected(not_ours(name_, several_text(sessions)));
-  if (!has_info)
-    return tl::unexpected(not_ours(name_, "holds no session: the topic /sightline/info is missing"));
+  if (!has_info) return tl::unexpected(not_ours(name_, "holds no session: the topic /sightline/info is missing"));
   if (info_.layout_version() > kKnownVersion)
     return tl::unexpected(not_ours(name_, "is of version " + std::to_string(info_.layout_version()) +
                                               ", this program knows up to " + std::to_string(kKnownVersion)));
@@ -158,12 +155,11 @@ double Recording::duration_s() const {
   return end_ns > start_ns_ ? static_cast<double>(end_ns - start_ns_) * 1e-9 : 0.0;
 }
 
-RecordedReport Recording::read(const RecordedRange& range,
-                               const std::function<bool(RecordedEvent&)>& visit) const {
+RecordedReport Recording::read(const RecordedRange& range, const std::function<bool(RecordedEvent&)>& visit) const {
   McapQuery query{.start_ns = range.start_s > 0 ? log_time_after(start_ns_, range.start_s) : 0,
                   .end_ns = log_time_after(start_ns_, range.end_s)};
-  for (const RecordTopic topic : {RecordTopic::kTick, RecordTopic::kReply, RecordTopic::kTickError,
-                                  RecordTopic::kFault, RecordTopic::kGap, RecordTopic::kMemory})
+  for (const RecordTopic topic : {RecordTopic::kTick, RecordTopic::kReply, RecordTopic::kTickError, RecordTopic::kFault,
+                                  RecordTopic::kGap, RecordTopic::kMemory})
     query.topics.push_back(name_of(topic));
   RecordedReport report;
   RecordedEvent event;
@@ -241,8 +237,7 @@ RecordedStep StepAssembler::take() {
 }
 
 bool StepAssembler::take_rest(RecordedStep& rest) {
-  if (step_.ticks.empty() && step_.rejections.empty() && step_.faults.empty() && step_.missing == 0)
-    return false;
+  if (step_.ticks.empty() && step_.rejections.empty() && step_.faults.empty() && step_.missing == 0) return false;
   rest = take();
   rest.has_reply = false;
   return true;

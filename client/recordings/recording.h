@@ -65,12 +65,11 @@ struct RecordedFile {
 class Recording {
  public:
   // Fails with kNotFound, kUnavailable or kDataLoss when the file cannot be read as MCAP. Fails with kInvalidArgument
-  // (field "recording") when it holds no Sightline session or several, or is of a later version than this program knows. Reads
-  // the tail of the file and the chunks with the opening.
+  // (field "recording") when it holds no Sightline session or several, or is of a later version than this program
+  // knows. Reads the tail of the file and the chunks with the opening.
   static Result<Recording> open(const std::string& path, McapLimits limits = {});
   // The same of any bytes; `name` is for errors.
-  static Result<Recording> open(std::shared_ptr<const ByteSource> source, std::string name,
-                                McapLimits limits = {});
+  static Result<Recording> open(std::shared_ptr<const ByteSource> source, std::string name, McapLimits limits = {});
 
   const std::string& name() const { return name_; }
   const v1::RecordingInfo& info() const { return info_; }
@@ -117,7 +116,8 @@ struct RecordedStep {
   std::vector<uint64_t> tick_log_ns;  // of each
   std::vector<v1::TickError> rejections;
   std::vector<v1::Fault> faults;
-  // The server's memory, and how many of `ticks` stand before it. The head of a later part has it after its snapshot tick.
+  // The server's memory, and how many of `ticks` stand before it. The head of a later part has it after its snapshot
+  // tick.
   std::optional<v1::StepMemory> memory;
   size_t ticks_before_memory = 0;
   v1::CameraReply reply;
@@ -127,8 +127,8 @@ struct RecordedStep {
   int quality_level() const { return quality_level_of(reply); }
 };
 
-// Assembles steps from events. Feed it every event of a recording in order. Messages that are missing without a Gap, after
-// a damaged chunk, are counted by the numbers of their topics.
+// Assembles steps from events. Feed it every event of a recording in order. Messages that are missing without a Gap,
+// after a damaged chunk, are counted by the numbers of their topics.
 class StepAssembler {
  public:
   // Returns true when the step is complete; take() then returns it.
@@ -144,15 +144,16 @@ class StepAssembler {
   std::array<uint32_t, kRecordTopics> last_{};  // number by topic; 0: the next number may be any
 };
 
-// A 64-bit hash of a reply without its stage times and its recording flag. Equal inputs give equal hashes on one sampler.
-// Chained: pass the hash of the reply before as `seed` to cover a session.
+// A 64-bit hash of a reply without its stage times and its recording flag. Equal inputs give equal hashes on one
+// sampler. Chained: pass the hash of the reply before as `seed` to cover a session.
 uint64_t reply_hash(const v1::CameraReply& reply, uint64_t seed = 0);
 
 // The bytes that reply_hash covers. Reuses its memory from reply to reply.
 class PlainReply {
  public:
   // `left_out`: fields that the bytes lack in addition, as of reply_fields_unknown_to.
-  explicit PlainReply(std::vector<const google::protobuf::FieldDescriptor*> left_out = {}) : left_out_(std::move(left_out)) {}
+  explicit PlainReply(std::vector<const google::protobuf::FieldDescriptor*> left_out = {})
+      : left_out_(std::move(left_out)) {}
 
   // Valid until the next call.
   const std::string& bytes_of(const v1::CameraReply& reply);

@@ -61,8 +61,7 @@ Result<Bytes> in_one_file(Bytes file, const ReadBeside& read_beside) {
     const auto bytes = read_beside(*path);
     if (!bytes) return tl::unexpected(bytes.error());
     const auto* data = reinterpret_cast<const uint8_t*>(bytes->data());
-    buffer["uri"] =
-        std::string("data:application/octet-stream;base64,").append(to_base64({data, bytes->size()}));
+    buffer["uri"] = std::string("data:application/octet-stream;base64,").append(to_base64({data, bytes->size()}));
   }
   const std::string packed = document.dump();
   const auto bytes = std::as_bytes(std::span(packed));
@@ -105,19 +104,17 @@ void SceneFiles::add_attachments(const Wanted& wanted, std::vector<Place>& place
     if (!named && !hashed) continue;
     const std::string folder = name.substr(0, name.rfind('/') + 1);
     places.push_back({[this, name] { return attachment(name); },
-                      [this, folder](const std::string& relative) { return attachment(folder + relative); },
-                      name});
+                      [this, folder](const std::string& relative) { return attachment(folder + relative); }, name});
   }
 }
 
 void SceneFiles::add_files(const Wanted& wanted, std::vector<Place>& places) const {
   const auto add = [&](const fs::path& path) {
-    places.push_back(
-        {[path] { return read_whole_file(path.string(), SIZE_MAX); },
-         [path](const std::string& relative) {
-           return read_whole_file((path.parent_path() / relative).string(), SIZE_MAX);
-         },
-         path.string()});
+    places.push_back({[path] { return read_whole_file(path.string(), SIZE_MAX); },
+                      [path](const std::string& relative) {
+                        return read_whole_file((path.parent_path() / relative).string(), SIZE_MAX);
+                      },
+                      path.string()});
   };
   for (const std::string& file : options_.files)
     if (!wanted.hash.empty() || fs::path(file).filename() == fs::path(wanted.name).filename()) add(file);
@@ -181,8 +178,7 @@ Status SceneFiles::name_by_hash(v1::OpenSession& open) {
 
 bool SceneFiles::named_in(const v1::Tick& tick) {
   const auto& added = tick.delta().added_instances();
-  return std::any_of(added.begin(), added.end(),
-                     [](const v1::NewInstance& instance) { return instance.has_mesh(); });
+  return std::any_of(added.begin(), added.end(), [](const v1::NewInstance& instance) { return instance.has_mesh(); });
 }
 
 Status SceneFiles::name_by_hash(v1::Tick& tick) {

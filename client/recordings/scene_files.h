@@ -1,6 +1,6 @@
-// Finds the scene files that a recorded session names, and brings them to where it is replayed. They may be attached to the
-// recording, given by path, or below a folder. The messages are then changed to name each scene by the hash of its file, so
-// that the replay needs no scene folder.
+// Finds the scene files that a recorded session names, and brings them to where it is replayed. They may be attached to
+// the recording, given by path, or below a folder. The messages are then changed to name each scene by the hash of its
+// file, so that the replay needs no scene folder.
 #pragma once
 
 #include <functional>
@@ -15,7 +15,7 @@
 namespace sightline {
 
 struct SceneFileOptions {
-  std::string folder = {};  // names are looked up below it, and hashes among all files in it; may be empty
+  std::string folder = {};              // names are looked up below it, and hashes among all files in it; may be empty
   std::vector<std::string> files = {};  // by path; each is the scene with its file name, or with its hash
   // true: a scene that is found nowhere keeps its name, since the backend may have it. false: it is an error.
   bool may_be_there = false;
@@ -32,8 +32,8 @@ class SceneFiles {
   // Files go there from now on; what was brought elsewhere is forgotten.
   void bring_to(Bring bring);
 
-  // Brings every scene that the message names, and names it by hash. Fails with kNotFound (field "scene") when one cannot
-  // be found; the message says how to give it. Otherwise fails as reading or bringing fails.
+  // Brings every scene that the message names, and names it by hash. Fails with kNotFound (field "scene") when one
+  // cannot be found; the message says how to give it. Otherwise fails as reading or bringing fails.
   Status name_by_hash(v1::OpenSession& open);
   // True when the tick names a scene; most do not.
   static bool named_in(const v1::Tick& tick);

@@ -89,8 +89,7 @@ std::string seconds_text(double seconds) {
   if (seconds < 60) return formatted("%.3f s", seconds);
   const auto whole = static_cast<uint64_t>(seconds);
   return formatted("%llu:%02llu:%06.3f", static_cast<unsigned long long>(whole / 3600),
-                   static_cast<unsigned long long>(whole / 60 % 60),
-                   seconds - static_cast<double>(whole / 60 * 60));
+                   static_cast<unsigned long long>(whole / 60 % 60), seconds - static_cast<double>(whole / 60 * 60));
 }
 
 // "QUEUE_FULL" -> "queue full"
@@ -132,13 +131,12 @@ void print_session(std::ostream& out, const RecordingSummary& s) {
       << "started     " << utc_text(info.start_time_ns()) << '\n'
       << "begins      "
       << (info.snapshot_ticks() == 0
-              ? std::string(info.part() > 1 ? "within the session, without what came before"
-                                            : "with the session")
+              ? std::string(info.part() > 1 ? "within the session, without what came before" : "with the session")
               : "after " + counted(info.snapshot_ticks(), "tick") + ", given as one snapshot tick")
       << '\n';
   if (s.replies == 0) out << "note        no reply was recorded: there is nothing to compare or to show\n";
-  out << "ticks       " << grouped(s.ticks) << ": " << grouped(s.replies) << " answered, "
-      << grouped(s.merged) << " merged or not answered, " << grouped(s.rejections) << " refused\n"
+  out << "ticks       " << grouped(s.ticks) << ": " << grouped(s.replies) << " answered, " << grouped(s.merged)
+      << " merged or not answered, " << grouped(s.rejections) << " refused\n"
       << "faults      " << grouped(s.faults) << '\n'
       << "missing     " << missing_text(s) << '\n';
 }
@@ -148,10 +146,9 @@ void print_topics(std::ostream& out, const RecordingSummary& s) {
   out << "\ntopics (" << s.topics.size() << ")\n";
   Table table({{"topic"}, {"messages", true}, {"a second", true}, {"type"}});
   for (const TopicSummary& topic : s.topics)
-    table.row(
-        {printable(topic.topic, 100), grouped(topic.messages),
-         s.duration_s() > 0 ? formatted("%.2f", static_cast<double>(topic.messages) / s.duration_s()) : "",
-         printable(topic.type, 100)});
+    table.row({printable(topic.topic, 100), grouped(topic.messages),
+               s.duration_s() > 0 ? formatted("%.2f", static_cast<double>(topic.messages) / s.duration_s()) : "",
+               printable(topic.type, 100)});
   table.print(out);
 }
 
@@ -160,8 +157,8 @@ void print_attachments(std::ostream& out, const RecordingSummary& s) {
   out << "\nattachments (" << s.attachments.size() << ")\n";
   Table table({{"name"}, {"size", true}, {"type"}, {"recorded"}});
   for (const mcap::AttachmentIndex& attachment : s.attachments)
-    table.row({printable(attachment.name, 100), bytes_text(attachment.data_size),
-               printable(attachment.content_type), utc_text(attachment.log_time_ns)});
+    table.row({printable(attachment.name, 100), bytes_text(attachment.data_size), printable(attachment.content_type),
+               utc_text(attachment.log_time_ns)});
   table.print(out);
 }
 
@@ -188,7 +185,8 @@ nlohmann::ordered_json session_json(const RecordingSummary& s) {
 
 }  // namespace
 
-Result<RecordingSummary> summarise_recording(std::shared_ptr<const ByteSource> source, const std::string& name, McapLimits limits) {
+Result<RecordingSummary> summarise_recording(std::shared_ptr<const ByteSource> source, const std::string& name,
+                                             McapLimits limits) {
   RecordingSummary summary;
   summary.name = name;
   summary.bytes = source->size();
@@ -203,8 +201,7 @@ Result<RecordingSummary> summarise_recording(std::shared_ptr<const ByteSource> s
   const auto reader = McapReader::open(*source, limits);
   if (!reader) return tl::unexpected(reader.error());
   take_container(*reader, summary);
-  summary.not_a_session =
-      recording.error().message.substr(std::min(recording.error().message.size(), name.size() + 2));
+  summary.not_a_session = recording.error().message.substr(std::min(recording.error().message.size(), name.size() + 2));
   return summary;
 }
 
@@ -218,16 +215,12 @@ void print_summary(std::ostream& out, const RecordingSummary& s) {
   out << "first       " << (s.end_ns == 0 ? "-" : utc_text(s.start_ns)) << '\n'
       << "duration    " << seconds_text(s.duration_s()) << " by the wall clock\n";
   if (s.game_time) out << "game time   " << game_time_text(*s.game_time) << '\n';
-  out
-      << "chunks      " << grouped(s.chunks);
+  out << "chunks      " << grouped(s.chunks);
   if (s.packed_bytes > 0)
-    out << ", " << s.compression << ": " << bytes_text(s.unpacked_bytes) << " in "
-        << bytes_text(s.packed_bytes)
-        << formatted(", %.2f to 1",
-                     static_cast<double>(s.unpacked_bytes) / static_cast<double>(s.packed_bytes));
+    out << ", " << s.compression << ": " << bytes_text(s.unpacked_bytes) << " in " << bytes_text(s.packed_bytes)
+        << formatted(", %.2f to 1", static_cast<double>(s.unpacked_bytes) / static_cast<double>(s.packed_bytes));
   out << '\n'
-      << "finished    " << (s.finished ? "yes" : "no: its end is missing, as a killed server leaves it")
-      << '\n'
+      << "finished    " << (s.finished ? "yes" : "no: its end is missing, as a killed server leaves it") << '\n'
       << "lost        " << loss_text(s.loss) << '\n';
   print_absent(out, s.absent);
   print_troubles(out, s.loss);
@@ -257,19 +250,16 @@ nlohmann::ordered_json json_of(const RecordingSummary& s) {
   out["duration_s"] = s.duration_s();
   out["game_time"] = nullptr;
   if (s.game_time)
-    out["game_time"] = {{"start_s", s.game_time->start_s},
-                        {"end_s", s.game_time->end_s},
-                        {"duration_s", s.game_time->duration_s()}};
+    out["game_time"] = {
+        {"start_s", s.game_time->start_s}, {"end_s", s.game_time->end_s}, {"duration_s", s.game_time->duration_s()}};
   out["chunks"] = {{"count", s.chunks},
                    {"compression", s.compression},
                    {"packed_bytes", s.packed_bytes},
                    {"unpacked_bytes", s.unpacked_bytes}};
   out["finished"] = s.finished;
   out["absent"] = s.absent;
-  out["lost"] = {{"chunks", s.loss.chunks},
-                 {"messages", s.loss.messages},
-                 {"bytes", s.loss.bytes},
-                 {"troubles", s.loss.troubles}};
+  out["lost"] = {
+      {"chunks", s.loss.chunks}, {"messages", s.loss.messages}, {"bytes", s.loss.bytes}, {"troubles", s.loss.troubles}};
   out["topics"] = nlohmann::ordered_json::array();
   for (const TopicSummary& topic : s.topics)
     out["topics"].push_back({{"topic", topic.topic}, {"messages", topic.messages}, {"type", topic.type}});
@@ -291,10 +281,7 @@ std::string error_text(const std::string& name, const Error& error) {
 std::string loss_text(const McapLoss& loss) {
   if (loss.none()) return "nothing";
   std::string text = counted(loss.chunks, "chunk");
-  text.append(", ")
-      .append(counted(loss.messages, "message"))
-      .append(" known of, ")
-      .append(bytes_text(loss.bytes));
+  text.append(", ").append(counted(loss.messages, "message")).append(" known of, ").append(bytes_text(loss.bytes));
   return text.append(" of the file");
 }
 
@@ -302,13 +289,13 @@ void print_absent(std::ostream& out, const std::vector<std::string>& absent) {
   if (absent.empty()) return;
   std::string parts;
   for (const std::string& part : absent) parts.append(parts.empty() ? "" : ", ").append(part);
-  out << "not there   " << parts << ": no damage, the format lets them be left out; the file was read through instead\n";
+  out << "not there   " << parts
+      << ": no damage, the format lets them be left out; the file was read through instead\n";
 }
 
 void print_troubles(std::ostream& out, const McapLoss& loss) {
   for (const McapTrouble& trouble : loss.first_troubles)
-    out << "  at byte " << grouped(trouble.offset) << ": " << printable(to_string(trouble.error), 300)
-        << '\n';
+    out << "  at byte " << grouped(trouble.offset) << ": " << printable(to_string(trouble.error), 300) << '\n';
   if (loss.troubles > loss.first_troubles.size())
     out << "  ... and " << grouped(loss.troubles - loss.first_troubles.size()) << " more\n";
 }

@@ -45,13 +45,12 @@ struct RecordingSummary {
   McapLoss loss;
 
   static constexpr uint64_t kMaxGaps = 100;
-  double duration_s() const {
-    return end_ns > start_ns ? static_cast<double>(end_ns - start_ns) * 1e-9 : 0.0;
-  }
+  double duration_s() const { return end_ns > start_ns ? static_cast<double>(end_ns - start_ns) * 1e-9 : 0.0; }
 };
 
 // Fails as Recording::open does, but also accepts MCAP files that are no recordings.
-Result<RecordingSummary> summarise_recording(std::shared_ptr<const ByteSource> source, const std::string& name, McapLimits limits = {});
+Result<RecordingSummary> summarise_recording(std::shared_ptr<const ByteSource> source, const std::string& name,
+                                             McapLimits limits = {});
 
 void print_summary(std::ostream& out, const RecordingSummary& summary);
 nlohmann::ordered_json json_of(const RecordingSummary& summary);

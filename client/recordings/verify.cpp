@@ -2,10 +2,10 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "client/base/text_table.h"
 #include "client/recordings/check.h"
 #include "client/recordings/commands.h"
 #include "client/recordings/summary.h"
-#include "client/base/text_table.h"
 #include "server/record/mcap_verify.h"
 
 namespace sightline {
@@ -49,11 +49,9 @@ void print_session_troubles(std::ostream& out, const SessionVerdict& session) {
 void print_topics(std::ostream& out, const McapVerdict& verdict) {
   if (verdict.topics.empty()) return;
   out << "\ntopics (" << verdict.topics.size() << ")\n";
-  Table table(
-      {{"topic"}, {"messages", true}, {"missing", true}, {"out of order", true}, {"longest silence", true}});
+  Table table({{"topic"}, {"messages", true}, {"missing", true}, {"out of order", true}, {"longest silence", true}});
   for (const auto& [topic, found] : verdict.topics)
-    table.row({printable(topic, 100), grouped(found.messages), grouped(found.missing),
-               grouped(found.out_of_order),
+    table.row({printable(topic, 100), grouped(found.messages), grouped(found.missing), grouped(found.out_of_order),
                formatted("%.3f s", static_cast<double>(found.longest_silence_ns) * 1e-9)});
   table.print(out);
 }
@@ -66,11 +64,9 @@ void print_verdict(std::ostream& out, const std::string& path, const FileVerdict
   const McapVerdict& container = verdict.container;
   out << "file        " << path << '\n'
       << "verdict     " << (verdict.sound() ? "sound" : "not sound") << '\n'
-      << "finished    "
-      << (container.finished ? "yes" : "no: its end is missing, as a killed server leaves it") << '\n'
+      << "finished    " << (container.finished ? "yes" : "no: its end is missing, as a killed server leaves it") << '\n'
       << "chunks      " << grouped(container.chunks);
-  if (container.chunks_without_crc > 0)
-    out << ", " << grouped(container.chunks_without_crc) << " without a CRC";
+  if (container.chunks_without_crc > 0) out << ", " << grouped(container.chunks_without_crc) << " without a CRC";
   out << '\n';
   print_absent(out, container.absent);
   out << "lost        " << loss_text(container.loss) << '\n';
@@ -81,9 +77,9 @@ void print_verdict(std::ostream& out, const std::string& path, const FileVerdict
     out << "session     none: " << printable(verdict.not_a_session, 200) << '\n';
   } else {
     const SessionVerdict& session = *verdict.session;
-    out << "session     " << grouped(session.ticks) << " ticks applied, " << grouped(session.replies)
-        << " replies, " << grouped(session.rejections) << " refused; missing by numbers "
-        << grouped(session.missing) << ", by gaps " << grouped(session.gap_messages) << '\n';
+    out << "session     " << grouped(session.ticks) << " ticks applied, " << grouped(session.replies) << " replies, "
+        << grouped(session.rejections) << " refused; missing by numbers " << grouped(session.missing) << ", by gaps "
+        << grouped(session.gap_messages) << '\n';
     if (!session.sound())
       out << (verdict.recovered ? "lost before it was recovered, so that the session does not go together:\n"
                                 : "the session does not go together:\n");

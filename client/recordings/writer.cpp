@@ -20,8 +20,7 @@ McapWriterOptions options_for(const v1::RecordingInfo& info) {
 
 }  // namespace
 
-Result<std::unique_ptr<RecordingWriter>> RecordingWriter::create(const std::string& path,
-                                                                 v1::RecordingInfo info) {
+Result<std::unique_ptr<RecordingWriter>> RecordingWriter::create(const std::string& path, v1::RecordingInfo info) {
   auto sink = create_file_sink(path);
   if (!sink) return tl::unexpected(std::move(sink.error()));
   return std::make_unique<RecordingWriter>(std::move(*sink), info);

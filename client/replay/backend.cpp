@@ -46,7 +46,8 @@ class LocalBackend final : public ReplayBackend {
   Status resume(std::span<const v1::Tick> ticks, const v1::StepMemory& memory) override {
     for (const v1::Tick& tick : ticks) {
       v1::TickError rejection;
-      if (!session_->apply(tick, rejection)) return invalid("memory", "its snapshot tick is refused: " + rejection.message());
+      if (!session_->apply(tick, rejection))
+        return invalid("memory", "its snapshot tick is refused: " + rejection.message());
     }
     waiting_ = false;
     return session_->resume(memory);
@@ -74,7 +75,10 @@ constexpr auto kRetryPause = 100ms;
 class ServerBackend final : public ReplayBackend {
  public:
   ServerBackend(std::string address, std::chrono::nanoseconds timeout, ClientCredentials credentials, Client client)
-      : address_(std::move(address)), timeout_(timeout), credentials_(std::move(credentials)), client_(std::move(client)) {}
+      : address_(std::move(address)),
+        timeout_(timeout),
+        credentials_(std::move(credentials)),
+        client_(std::move(client)) {}
 
   Result<std::string> bring(std::span<const std::byte> file) override {
     auto reply = client_.upload_scene(file, kUploadTimeout);
@@ -176,9 +180,8 @@ std::unique_ptr<ReplayBackend> make_mirror_backend() {
   return std::make_unique<LocalBackend>(make_embree_sampler_device(), false);
 }
 
-Result<std::unique_ptr<ReplayBackend>> connect_backend(const std::string& address,
-                                                   std::chrono::nanoseconds timeout,
-                                                   const ClientCredentials& credentials) {
+Result<std::unique_ptr<ReplayBackend>> connect_backend(const std::string& address, std::chrono::nanoseconds timeout,
+                                                       const ClientCredentials& credentials) {
   auto client = Client::connect(address, timeout, {}, credentials);
   if (!client) return tl::unexpected(std::move(client.error()));
   return std::make_unique<ServerBackend>(address, timeout, credentials, std::move(*client));

@@ -9,9 +9,9 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "client/replay/compare_recordings.h"
 #include "client/base/progress_bar.h"
 #include "client/base/text_table.h"
+#include "client/replay/compare_recordings.h"
 
 namespace sightline {
 namespace {
@@ -41,9 +41,8 @@ ordered_json json_of(const RecordingComparison& comparison) {
   const ReplyComparison& replies = comparison.replies;
   ordered_json fields = ordered_json::array();
   for (const FieldDeviation& deviation : replies.deviations()) {
-    ordered_json field = {{"field", deviation.field},
-                          {"replies", deviation.replies},
-                          {"first_sequence", deviation.first_sequence}};
+    ordered_json field = {
+        {"field", deviation.field}, {"replies", deviation.replies}, {"first_sequence", deviation.first_sequence}};
     if (deviation.is_number) field["largest"] = deviation.largest;
     fields.push_back(std::move(field));
   }
@@ -81,8 +80,7 @@ std::string counts(uint64_t compared, uint64_t equal, uint64_t only_a, uint64_t 
 
 void print_first(std::ostream& out, const std::optional<ReplyDifference>& first) {
   if (!first) return;
-  out << formatted("  first     tick %lu at %.3f s: ", static_cast<unsigned long>(first->sequence),
-                   first->time_s)
+  out << formatted("  first     tick %lu at %.3f s: ", static_cast<unsigned long>(first->sequence), first->time_s)
       << first->field.path << ": " << first->field.a << " in A, " << first->field.b << " in B\n";
 }
 
@@ -100,15 +98,14 @@ void print(std::ostream& out, const RecordingComparison& comparison) {
   const ReplyComparison& replies = comparison.replies;
   out << "opening     ";
   if (input.opening)
-    out << "differs: " << input.opening->path << ": " << input.opening->a << " in A, " << input.opening->b
-        << " in B\n";
+    out << "differs: " << input.opening->path << ": " << input.opening->a << " in A, " << input.opening->b << " in B\n";
   else
     out << "equal\n";
   out << "ticks       " << counts(input.ticks, input.equal, input.only_a, input.only_b) << '\n';
   print_first(out, input.first);
-  out << "replies     " << counts(replies.compared(), replies.equal(), comparison.only_a, comparison.only_b)
-      << '\n';
-  for (const std::string& field : replies.unknown()) out << "  unknown   " << field << ": not in both contracts, not compared\n";
+  out << "replies     " << counts(replies.compared(), replies.equal(), comparison.only_a, comparison.only_b) << '\n';
+  for (const std::string& field : replies.unknown())
+    out << "  unknown   " << field << ": not in both contracts, not compared\n";
   print_first(out, replies.first());
   if (comparison.missing_a + comparison.missing_b > 0)
     out << formatted("gaps        %lu messages are missing in A, %lu in B\n",
@@ -116,8 +113,8 @@ void print(std::ostream& out, const RecordingComparison& comparison) {
                      static_cast<unsigned long>(comparison.missing_b));
   out << "hash        " << hex(replies.hash_a()) << " of A, " << hex(replies.hash_b()) << " of B\n";
   if (!replies.all_equal())
-    out << formatted("at most     camera %.6g m and %.6g degrees apart, visible shares %.6g\n",
-                     replies.position_m(), replies.direction_deg(), replies.visible_share());
+    out << formatted("at most     camera %.6g m and %.6g degrees apart, visible shares %.6g\n", replies.position_m(),
+                     replies.direction_deg(), replies.visible_share());
   print_fields(out, replies.deviations());
   out << "result      " << (comparison.equal() ? "equal" : "differs") << '\n';
 }

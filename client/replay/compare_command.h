@@ -14,8 +14,8 @@ struct CompareOptions {
   bool progress = false;
 };
 
-// 0: every reply of each is in the other and equal; 1: not so, or it failed with the reason on `err`. Differing inputs are
-// reported, but do not change the exit status.
+// 0: every reply of each is in the other and equal; 1: not so, or it failed with the reason on `err`. Differing inputs
+// are reported, but do not change the exit status.
 int run_compare_command(const CompareOptions& options, std::ostream& out, std::ostream& err);
 
 Verb add_compare_verb(CLI::App& app);

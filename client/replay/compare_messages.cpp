@@ -30,11 +30,9 @@ double number_of(const Message& message, const FieldDescriptor& field, int index
     case FieldDescriptor::CPPTYPE_UINT32:
       return list ? r.GetRepeatedUInt32(message, &field, index) : r.GetUInt32(message, &field);
     case FieldDescriptor::CPPTYPE_UINT64:
-      return static_cast<double>(list ? r.GetRepeatedUInt64(message, &field, index)
-                                      : r.GetUInt64(message, &field));
+      return static_cast<double>(list ? r.GetRepeatedUInt64(message, &field, index) : r.GetUInt64(message, &field));
     case FieldDescriptor::CPPTYPE_INT64:
-      return static_cast<double>(list ? r.GetRepeatedInt64(message, &field, index)
-                                      : r.GetInt64(message, &field));
+      return static_cast<double>(list ? r.GetRepeatedInt64(message, &field, index) : r.GetInt64(message, &field));
     case FieldDescriptor::CPPTYPE_INT32:
       return list ? r.GetRepeatedInt32(message, &field, index) : r.GetInt32(message, &field);
     default:
@@ -50,10 +48,9 @@ bool is_measure(const FieldDescriptor& field) {
 // Compares floating-point numbers by their bits, and everything else as the differencer does by default.
 class BitComparator final : public google::protobuf::util::FieldComparator {
  public:
-  ComparisonResult Compare(const Message& a, const Message& b, const FieldDescriptor* field, int index_a,
-                           int index_b, const google::protobuf::util::FieldContext* context) override {
-    if (field->cpp_type() != FieldDescriptor::CPPTYPE_DOUBLE &&
-        field->cpp_type() != FieldDescriptor::CPPTYPE_FLOAT)
+  ComparisonResult Compare(const Message& a, const Message& b, const FieldDescriptor* field, int index_a, int index_b,
+                           const google::protobuf::util::FieldContext* context) override {
+    if (field->cpp_type() != FieldDescriptor::CPPTYPE_DOUBLE && field->cpp_type() != FieldDescriptor::CPPTYPE_FLOAT)
       return others_.Compare(a, b, field, index_a, index_b, context);
     // A float keeps its bits apart as a double.
     const auto bits = [&](const Message& message, int index) {
@@ -101,8 +98,7 @@ class Reporter final : public MessageDifferencer::Reporter {
     difference.a = absent_a ? "absent" : text_of(*a, field, last.index);
     difference.b = absent_b ? "absent" : text_of(*b, field, last.new_index);
     if (!absent_a && !absent_b && is_measure(field))
-      difference.deviation =
-          std::abs(number_of(*a, field, last.index) - number_of(*b, field, last.new_index));
+      difference.deviation = std::abs(number_of(*a, field, last.index) - number_of(*b, field, last.new_index));
     visit_(difference);
   }
 
@@ -153,8 +149,7 @@ void for_each_difference(const Message& a, const Message& b, const IgnoredFields
   differencer.Compare(a, b);
 }
 
-std::optional<FieldDifference> first_difference(const Message& a, const Message& b,
-                                                const IgnoredFields& ignored) {
+std::optional<FieldDifference> first_difference(const Message& a, const Message& b, const IgnoredFields& ignored) {
   std::optional<FieldDifference> first;
   for_each_difference(a, b, ignored, [&](const FieldDifference& difference) {
     if (!first) first = difference;

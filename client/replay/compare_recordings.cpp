@@ -12,9 +12,9 @@ namespace sightline {
 namespace {
 
 const IgnoredFields& fields_beside_the_input() {
-  static const IgnoredFields fields =
-      fields_named({"sightline.v1.OpenSession.recording", "sightline.v1.OpenSession.degradation_policy",
-                    "sightline.v1.Tick.step_control"});
+  static const IgnoredFields fields = fields_named({"sightline.v1.OpenSession.recording",
+                                                    "sightline.v1.OpenSession.degradation_policy",
+                                                    "sightline.v1.Tick.step_control"});
   return fields;
 }
 
@@ -58,8 +58,8 @@ class Side {
 // Walks one queue of both sides up to the sequence `limit`. Messages of only one side are counted, pairs go to `pair`.
 // `next` returns the front of a queue, and `pop` removes it.
 template <typename Message, typename Pair>
-void join(Side& a, Side& b, const Message* (Side::*next)(), void (Side::*pop)(), uint64_t limit,
-          uint64_t& only_a, uint64_t& only_b, Pair pair) {
+void join(Side& a, Side& b, const Message* (Side::*next)(), void (Side::*pop)(), uint64_t limit, uint64_t& only_a,
+          uint64_t& only_b, Pair pair) {
   const auto front = [&](Side& side) {
     const Message* message = (side.*next)();
     return message && message->sequence() <= limit ? message : nullptr;
@@ -97,8 +97,7 @@ Result<RecordingComparison> compare_recordings(const Recording& a, const Recordi
   };
   Side side_a(a), side_b(b);
   const auto compare_ticks = [&](uint64_t limit) {
-    join<v1::Tick>(side_a, side_b, &Side::tick, &Side::pop_tick, limit, input.only_a, input.only_b,
-                   compare_tick);
+    join<v1::Tick>(side_a, side_b, &Side::tick, &Side::pop_tick, limit, input.only_a, input.only_b, compare_tick);
   };
   const auto compare_reply = [&](const v1::CameraReply& reply_a, const v1::CameraReply& reply_b) {
     comparison.replies.add(reply_a, reply_b);
@@ -106,8 +105,8 @@ Result<RecordingComparison> compare_recordings(const Recording& a, const Recordi
     if (progress) progress(static_cast<double>(side_a.log_ns() - a.start_ns()) * 1e-9);
   };
   constexpr uint64_t kAll = std::numeric_limits<uint64_t>::max();
-  join<v1::CameraReply>(side_a, side_b, &Side::reply, &Side::pop_reply, kAll, comparison.only_a,
-                        comparison.only_b, compare_reply);
+  join<v1::CameraReply>(side_a, side_b, &Side::reply, &Side::pop_reply, kAll, comparison.only_a, comparison.only_b,
+                        compare_reply);
   compare_ticks(kAll);
   comparison.missing_a = side_a.missing();
   comparison.missing_b = side_b.missing();

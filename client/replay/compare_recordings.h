@@ -6,8 +6,8 @@
 #include <optional>
 #include <string>
 
-#include "client/replay/compare_replies.h"
 #include "client/recordings/recording.h"
+#include "client/replay/compare_replies.h"
 
 namespace sightline {
 
@@ -29,8 +29,8 @@ struct RecordingComparison {
 
 // Reads both once, side by side. `progress` is called with the log time in seconds since the start of `a`. Two kinds of
 // fields do not count: the fields of the openings about how the session is recorded, and `step` of the ticks. A replay
-// at a daemon fills `step` with values from the recorded replies. Nor do fields of replies that the server of one recording did not
-// know. Fails when the convention of `a` is invalid.
+// at a daemon fills `step` with values from the recorded replies. Nor do fields of replies that the server of one
+// recording did not know. Fails when the convention of `a` is invalid.
 Result<RecordingComparison> compare_recordings(const Recording& a, const Recording& b,
                                                const std::function<void(double)>& progress = {});
 

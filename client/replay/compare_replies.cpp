@@ -12,8 +12,8 @@
 namespace sightline {
 
 const IgnoredFields& fields_beside_the_reply() {
-  static const IgnoredFields fields =
-      fields_named({"sightline.v1.CameraReply.stage_times", "sightline.v1.StepFlags.recording_degraded"});
+  static const IgnoredFields fields = fields_named(
+      {"sightline.v1.CameraReply.stage_times", "sightline.v1.StepFlags.recording_degraded"});
   return fields;
 }
 
@@ -70,8 +70,7 @@ void ReplyComparison::note_pose(const v1::CameraReply& a, const v1::CameraReply&
   const Pose pose_a = camera_from_client(convention_, pose_from(a.pose()));
   const Pose pose_b = camera_from_client(convention_, pose_from(b.pose()));
   position_m_ = std::max(position_m_, glm::distance(pose_a.position_m, pose_b.position_m));
-  direction_deg_ =
-      std::max(direction_deg_, angle_between(pose_a.rotation, pose_b.rotation) * 180 / std::numbers::pi);
+  direction_deg_ = std::max(direction_deg_, angle_between(pose_a.rotation, pose_b.rotation) * 180 / std::numbers::pi);
   for (const auto& target : a.targets())
     for (const auto& other : b.targets())
       if (target.id() == other.id())

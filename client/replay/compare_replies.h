@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "client/replay/compare_messages.h"
 #include "client/recordings/recording.h"
+#include "client/replay/compare_messages.h"
 #include "server/session/convention.h"
 
 namespace sightline {

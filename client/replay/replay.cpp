@@ -21,7 +21,8 @@ void move_tick(RecordedStep& from, size_t i, RecordedStep& to) {
   to.tick_log_ns.push_back(from.tick_log_ns[i]);
 }
 
-// A tick that took too long to load on the machine of the recording need not do so here. It was not applied there, so a replay does not see it.
+// A tick that took too long to load on the machine of the recording need not do so here. It was not applied there, so a
+// replay does not see it.
 void leave_out_what_took_too_long(RecordedStep& step) {
   std::erase_if(step.rejections, [&](const v1::TickError& rejection) {
     if (!refuses(rejection) || rejection.message().find("(--max-load-s)") == std::string::npos) return false;
@@ -93,8 +94,8 @@ bool ReplayFeed::next(FedStep& step) {
   return true;
 }
 
-// The last `merged_ticks` + 1 accepted ticks belong to the reply. The ticks before them were answered by missing replies.
-// How they were merged is not known, so each has a step of its own.
+// The last `merged_ticks` + 1 accepted ticks belong to the reply. The ticks before them were answered by missing
+// replies. How they were merged is not known, so each has a step of its own.
 void ReplayFeed::split(RecordedStep& recorded) {
   leave_out_what_took_too_long(recorded);
   const std::vector<bool> refused = refused_ticks(recorded);
@@ -178,7 +179,7 @@ Status Replay::open() {
 Status Replay::open_backend(ReplayBackend& backend, SceneFiles& scenes) {
   scenes.bring_to([&](std::span<const std::byte> file) { return backend.bring(file); });
   v1::OpenSession open = asked_;
-  open.clear_recording();        // the backend decides whether it records
+  open.clear_recording();                                     // the backend decides whether it records
   open.set_degradation_policy(v1::DEGRADATION_POLICY_NEVER);  // the recording alone decides the level of each step
   if (Status named = scenes.name_by_hash(open); !named) return named;
   auto opened = backend.open(open);
@@ -216,8 +217,7 @@ Result<bool> Replay::next(ReplayedStep& step) {
   }
   if (mirror_) {
     ReplayAnswer none;
-    if (Status told = take(*mirror_, *mirror_scenes_, *peeked_, none); !told)
-      return tl::unexpected(told.error());
+    if (Status told = take(*mirror_, *mirror_scenes_, *peeked_, none); !told) return tl::unexpected(told.error());
   }
   step.recorded = std::move(*peeked_);
   peeked_.reset();
@@ -264,11 +264,13 @@ Status Replay::take(ReplayBackend& backend, SceneFiles& scenes, const FedStep& s
   return backend.take(resume(backend, renamed_, step.step), level, answer);
 }
 
-// Takes over the recorded memory when the state is not known. Returns the ticks that are left for the step: all of them when there is no
-// memory, or when it cannot be taken over.
-std::span<const v1::Tick> Replay::resume(ReplayBackend& backend, std::span<const v1::Tick> ticks, const RecordedStep& step) {
+// Takes over the recorded memory when the state is not known. Returns the ticks that are left for the step: all of them
+// when there is no memory, or when it cannot be taken over.
+std::span<const v1::Tick> Replay::resume(ReplayBackend& backend, std::span<const v1::Tick> ticks,
+                                         const RecordedStep& step) {
   if (knows_state_ || &backend != &backend_) return ticks;
-  const std::string begins = "the file begins with a snapshot of " + std::to_string(recording_.info().snapshot_ticks()) + " ticks";
+  const std::string begins = "the file begins with a snapshot of " +
+                             std::to_string(recording_.info().snapshot_ticks()) + " ticks";
   if (!step.memory) {
     if (inexact_.empty()) inexact_ = begins + " and no memory of the camera";
     return ticks;

@@ -15,8 +15,8 @@
 #include <vector>
 
 #include "client/recordings/recording.h"
-#include "client/replay/backend.h"
 #include "client/recordings/scene_files.h"
+#include "client/replay/backend.h"
 #include "client/replay/settings.h"
 #include "client/replay/source.h"
 #include "server/base/transform.h"
@@ -31,8 +31,8 @@ enum class StepAnswer {
   kNone,      // the recording ends before the reply
 };
 
-// A step of the recording as it is taken again. Ticks that were refused stand before the others. Each missing reply has a
-// step of its own.
+// A step of the recording as it is taken again. Ticks that were refused stand before the others. Each missing reply has
+// a step of its own.
 struct FedStep {
   RecordedStep step;
   StepAnswer answer = StepAnswer::kRecorded;
@@ -41,17 +41,16 @@ struct FedStep {
 // Makes the steps, and makes all changes of the input. Single-threaded.
 class ReplayFeed {
  public:
-  ReplayFeed(const Recording& recording, const Convention& convention,
-             const std::vector<ReplaySetting>& settings);
+  ReplayFeed(const Recording& recording, const Convention& convention, const std::vector<ReplaySetting>& settings);
 
   bool next(FedStep& step);
 
-  // Observed cameras that only followed the recorded replies. Under other settings they would pull the camera onto the old
-  // path, so they are left out. Without other settings all are kept.
+  // Observed cameras that only followed the recorded replies. Under other settings they would pull the camera onto the
+  // old path, so they are left out. Without other settings all are kept.
   uint64_t observed_left_out() const { return observed_left_out_; }
   uint64_t observed_kept() const { return observed_kept_; }
-  // The limits of the recorded session up to the step that `next` returned, without the changed settings. The widest, when ticks
-  // changed them.
+  // The limits of the recorded session up to the step that `next` returned, without the changed settings. The widest,
+  // when ticks changed them.
   const CameraLimits& recorded_limits() const { return widest_limits_; }
   const RecordedReport& report() const { return source_.report(); }
 
@@ -89,8 +88,7 @@ struct ReplayedStep {
 // Single-threaded. Everything handed over must outlive it.
 class Replay {
  public:
-  Replay(const Recording& recording, ReplayBackend& backend, SceneFiles& scenes,
-         std::vector<ReplaySetting> settings)
+  Replay(const Recording& recording, ReplayBackend& backend, SceneFiles& scenes, std::vector<ReplaySetting> settings)
       : recording_(recording), backend_(backend), scenes_(scenes), settings_(std::move(settings)) {}
 
   // Adds a backend that receives the same messages and only mirrors the scene. Call it before open().
@@ -104,15 +102,15 @@ class Replay {
 
   // The log time of the next tick; empty at the end.
   std::optional<uint64_t> next_log_ns();
-  // Takes the next step. Returns false when there is none. A backend that goes away is waited for, and all steps so far are
-  // then taken again.
+  // Takes the next step. Returns false when there is none. A backend that goes away is waited for, and all steps so far
+  // are then taken again.
   Result<bool> next(ReplayedStep& step);
 
   const ReplayFeed& feed() const { return *feed_; }
   // How often the backend went away, and whether the repeated steps gave the same replies as before.
   uint64_t restarts() const { return restarts_; }
-  // Why replies need not be equal, since the recording begins with a snapshot and no memory was taken over; empty: the state is exact.
-  // Known once the first step was taken.
+  // Why replies need not be equal, since the recording begins with a snapshot and no memory was taken over; empty: the
+  // state is exact. Known once the first step was taken.
   const std::string& inexact() const { return inexact_; }
   bool restarts_equal() const { return restarts_equal_; }
 

@@ -13,13 +13,13 @@
 #include <thread>
 
 #include "client/base/progress_bar.h"
+#include "client/base/text_table.h"
 #include "client/recordings/reply_fields.h"
 #include "client/recordings/writer.h"
 #include "client/replay/replay.h"
-#include "client/report/figures.h"
 #include "client/replay/result.h"
 #include "client/replay/truth.h"
-#include "client/base/text_table.h"
+#include "client/report/figures.h"
 #include "server/wire/short_name.h"
 
 namespace sightline {
@@ -85,7 +85,11 @@ class ReplayOutput {
 class Command {
  public:
   Command(const ReplayCommandOptions& options, std::istream& in, std::ostream& out, std::ostream& err)
-      : options_(options), in_(in), json_out_(out), out_(options.json ? nullptr : out.rdbuf()), bar_(err, options.progress) {}
+      : options_(options),
+        in_(in),
+        json_out_(out),
+        out_(options.json ? nullptr : out.rdbuf()),
+        bar_(err, options.progress) {}
 
   Result<int> run() {
     if (Status done = prepare(); !done) return tl::unexpected(done.error());
@@ -140,18 +144,17 @@ class Command {
       const std::chrono::duration<double> wait(options_.wait_s);
       const auto credentials = read_credentials(options_.connection);
       if (!credentials) return tl::unexpected(credentials.error());
-      auto backend = connect_backend(options_.server, std::chrono::duration_cast<std::chrono::nanoseconds>(wait), *credentials);
+      auto backend = connect_backend(options_.server, std::chrono::duration_cast<std::chrono::nanoseconds>(wait),
+                                     *credentials);
       if (!backend) return tl::unexpected(std::move(backend.error()));
       backend_ = std::move(*backend);
       return {};
     }
-    const std::string wanted =
-        options_.sampler == "recorded" ? recording_->info().sampler() : options_.sampler;
+    const std::string wanted = options_.sampler == "recorded" ? recording_->info().sampler() : options_.sampler;
     const SamplerChoice choice = wanted == "egl"      ? SamplerChoice::kEgl
                                  : wanted == "embree" ? SamplerChoice::kEmbree
                                                       : SamplerChoice::kAuto;
-    auto sampler =
-        choose_sampler_device(choice, {}, options_.threads > 0 ? options_.threads : replay_threads());
+    auto sampler = choose_sampler_device(choice, {}, options_.threads > 0 ? options_.threads : replay_threads());
     if (!sampler) {
       Error error = std::move(sampler.error());
       if (options_.sampler == "recorded") error.message += "; --sampler embree needs no OpenGL";
@@ -166,15 +169,14 @@ class Command {
   std::string never_equal() const {
     if (!settings_.empty()) return kOtherSettings;
     if (replay_->opened().sampler() != recording_->info().sampler())
-      return "recorded with " + recording_->info().sampler() + ", replayed with " +
-             replay_->opened().sampler();
+      return "recorded with " + recording_->info().sampler() + ", replayed with " + replay_->opened().sampler();
     return {};
   }
 
   void say_what() {
     const v1::RecordingInfo& info = recording_->info();
-    out_ << "recording   " << options_.file << ": session " << info.session_id() << ", seed " << info.seed()
-         << ", " << info.sampler() << formatted(", %.2f s", recording_->duration_s());
+    out_ << "recording   " << options_.file << ": session " << info.session_id() << ", seed " << info.seed() << ", "
+         << info.sampler() << formatted(", %.2f s", recording_->duration_s());
     if (!info.server_version().empty()) out_ << ", by " << info.server_version();
     out_ << "\nreplay      " << (is_local() ? "in this process" : "at " + options_.server) << ", "
          << replay_->opened().sampler();
@@ -212,8 +214,7 @@ class Command {
       say_restart();
       if (started && options_.by_hand) say_step();
       played_s_ = at_s;
-      bar_.show("replay", static_cast<size_t>(1000 * std::max(0.0, at_s)),
-                static_cast<size_t>(1000 * length_s()) + 1);
+      bar_.show("replay", static_cast<size_t>(1000 * std::max(0.0, at_s)), static_cast<size_t>(1000 * length_s()) + 1);
     }
     took_s_ = seconds_since(began_);
     return {};
@@ -226,8 +227,7 @@ class Command {
     paced_from_s_ = at_s;
     if (options_.start_s <= 0) return;
     bar_.clear();
-    out_ << formatted("started     %.3f s of the recording were stepped in %.2f s\n", at_s,
-                      seconds_since(began_))
+    out_ << formatted("started     %.3f s of the recording were stepped in %.2f s\n", at_s, seconds_since(began_))
          << std::flush;
   }
 
@@ -268,13 +268,14 @@ class Command {
       if (Status written = output_->write(step_); !written) return written;
     if (step_.recorded.answer != StepAnswer::kRecorded || !step_.answer.has_reply) return {};
     if (recorded_figures_) {
-      for (const v1::Tick& tick : step_.recorded.step.ticks) recorded_figures_->take(tick), replayed_figures_->take(tick);
+      for (const v1::Tick& tick : step_.recorded.step.ticks)
+        recorded_figures_->take(tick), replayed_figures_->take(tick);
       recorded_figures_->add(step_.recorded.step.reply);
       replayed_figures_->add(step_.answer.reply);
     }
     if (truth_)
-      truth_->add(*(mirror_ ? *mirror_ : *backend_).session(), replay_->feed().recorded_limits(), step_.recorded.step.reply,
-                  step_.answer.reply);
+      truth_->add(*(mirror_ ? *mirror_ : *backend_).session(), replay_->feed().recorded_limits(),
+                  step_.recorded.step.reply, step_.answer.reply);
     return {};
   }
 
@@ -340,10 +341,11 @@ class Command {
   int report() {
     const uint64_t replies = result_->replies().compared();
     const double took_s = std::max(took_s_, 1e-9);
-    out_ << formatted("speed       %lu replies in %.2f s: %.0f a second, %.1f times the wall clock of the recording, %.1f times "
-                      "the game's clock\n",
-                      static_cast<unsigned long>(replies), took_s_, static_cast<double>(replies) / took_s, played_s_ / took_s,
-                      played_game_s() / took_s);
+    out_ << formatted(
+        "speed       %lu replies in %.2f s: %.0f a second, %.1f times the wall clock of the recording, %.1f times "
+        "the game's clock\n",
+        static_cast<unsigned long>(replies), took_s_, static_cast<double>(replies) / took_s, played_s_ / took_s,
+        played_game_s() / took_s);
     if (!settings_.empty())
       out_ << "observed    " << replay_->feed().observed_left_out()
            << " cameras that only followed the recorded replies left out, " << replay_->feed().observed_kept()
@@ -352,8 +354,7 @@ class Command {
     if (recorded_figures_) {
       const std::vector<std::string> columns{"recorded", "replayed"};
       print_rows(out_, columns, figures());
-      if (truth_)
-        out_ << "true: " << truth_->pictures() << " pictures of each judged by a 512 x 512 re-render\n";
+      if (truth_) out_ << "true: " << truth_->pictures() << " pictures of each judged by a 512 x 512 re-render\n";
     }
     if (output_) out_ << "written     " << options_.out << '\n';
     if (options_.json) print_json();
@@ -387,8 +388,7 @@ class Command {
 
 }  // namespace
 
-int run_replay_command(const ReplayCommandOptions& options, std::istream& in, std::ostream& out,
-                       std::ostream& err) {
+int run_replay_command(const ReplayCommandOptions& options, std::istream& in, std::ostream& out, std::ostream& err) {
   const Result<int> done = Command(options, in, out, err).run();
   if (done) return *done;
   err << "sightline replay: " << to_string(done.error()) << '\n';
@@ -405,15 +405,15 @@ Verb add_replay_verb(CLI::App& app) {
   CLI::Option* server = command->add_option("--server", options->server,
                                             "host:port or unix:/path of a daemon (default: in this process)");
   add_connection_flags(*command, options->connection);
-  command
-      ->add_option("--wait", options->wait_s, "Seconds to wait for a daemon that is not there, or went away")
+  command->add_option("--wait", options->wait_s, "Seconds to wait for a daemon that is not there, or went away")
       ->check(CLI::Range(0.0, 86400.0))
       ->capture_default_str();
-  CLI::Option* rate =
-      command
-          ->add_option("--rate", options->rate, "Times real time: 1, 0.5, ... (default: as fast as possible)")
-          ->check(CLI::Range(1e-3, 1e6));
-  CLI::Option* step = command->add_flag("--step", options->by_hand, "Step by step: Enter takes one step, `n 10` ten, `q` ends");
+  CLI::Option* rate = command
+                          ->add_option("--rate", options->rate,
+                                       "Times real time: 1, 0.5, ... (default: as fast as possible)")
+                          ->check(CLI::Range(1e-3, 1e6));
+  CLI::Option* step = command->add_flag("--step", options->by_hand,
+                                        "Step by step: Enter takes one step, `n 10` ten, `q` ends");
   step->excludes(rate);
   command
       ->add_option("--start", options->start_s,
@@ -435,17 +435,19 @@ Verb add_replay_verb(CLI::App& app) {
       ->check(CLI::ExistingFile)
       ->allow_extra_args(false);
   command
-      ->add_option("--set", options->set,
-                   "KEY=VALUE: another setting on the same input, e.g. max_distance_m=8, preset=PAPER, tuning.sample.points=4, "
-                   "limits.max_speed_mps=3, "
-                   "lens.near_m=0.2, seed=2; prints both runs side by side; may be repeated")
+      ->add_option(
+          "--set", options->set,
+          "KEY=VALUE: another setting on the same input, e.g. max_distance_m=8, preset=PAPER, tuning.sample.points=4, "
+          "limits.max_speed_mps=3, "
+          "lens.near_m=0.2, seed=2; prints both runs side by side; may be repeated")
       ->allow_extra_args(false);
   command->add_flag("--truth", options->truth, "Judge both cameras' pictures by a 512 x 512 re-render");
   command->add_option("--truth-every", options->truth_every, "Judge the picture of every n-th step")
       ->check(CLI::Range(size_t{1}, size_t{1000000}))
       ->capture_default_str();
   command->add_option("--out", options->out, "Write the new replies to this new recording");
-  command->add_flag("--json", options->json, "One JSON object instead of text; `figures` are texts with their units")->excludes(step);
+  command->add_flag("--json", options->json, "One JSON object instead of text; `figures` are texts with their units")
+      ->excludes(step);
   return {command, [options] { return run_replay_command(*options, std::cin, std::cout, std::cerr); }};
 }
 

@@ -98,8 +98,8 @@ ReplayVerdict ReplayResult::verdict() const {
   if (replies_.all_equal() && same_steps) return ReplayVerdict::kEqual;
   if (expected_equal() || (never_equal_.empty() && compared_before_gap_ > equal_before_gap_))
     return ReplayVerdict::kDiffers;
-  const bool near =
-      replies_.position_m() <= kVisibleJumpM && replies_.direction_deg() <= kVisibleJumpRad * 180 / std::numbers::pi;
+  const bool near = replies_.position_m() <= kVisibleJumpM &&
+                    replies_.direction_deg() <= kVisibleJumpRad * 180 / std::numbers::pi;
   return near ? ReplayVerdict::kAlike : ReplayVerdict::kDiffers;
 }
 
@@ -111,7 +111,8 @@ void ReplayResult::print(std::ostream& out) const {
   line(out, "hash",
        formatted("%016lx recorded, %016lx replayed", static_cast<unsigned long>(replies_.hash_a()),
                  static_cast<unsigned long>(replies_.hash_b())));
-  for (const std::string& field : replies_.unknown()) line(out, "unknown", field + ": newer than the recording, not compared");
+  for (const std::string& field : replies_.unknown())
+    line(out, "unknown", field + ": newer than the recording, not compared");
   if (const auto& first = replies_.first())
     line(out, "first",
          formatted("tick %lu at %.3f s: ", static_cast<unsigned long>(first->sequence), first->time_s) +
@@ -122,25 +123,23 @@ void ReplayResult::print(std::ostream& out) const {
                    replies_.direction_deg(), replies_.visible_share()));
   if (refused_both_ + refused_recorded_.size() + refused_only_replayed_ > 0)
     line(out, "refused",
-         formatted("%s ticks as recorded, %s only in the recording, %s only now",
-                   std::to_string(refused_both_).c_str(), std::to_string(refused_recorded_.size()).c_str(),
-                   std::to_string(refused_only_replayed_).c_str()));
+         formatted("%s ticks as recorded, %s only in the recording, %s only now", std::to_string(refused_both_).c_str(),
+                   std::to_string(refused_recorded_.size()).c_str(), std::to_string(refused_only_replayed_).c_str()));
   if (first_new_refusal_)
-    line(out, "",
-         "tick " + std::to_string(first_new_refusal_->sequence()) + " now: " + first_new_refusal_->message());
+    line(out, "", "tick " + std::to_string(first_new_refusal_->sequence()) + " now: " + first_new_refusal_->message());
   if (faults_ > 0) line(out, "faults", std::to_string(faults_) + " in the recording, first: " + first_fault_);
   if (gaps_ > 0)
     line(out, "gaps",
          formatted("%s, %s messages are missing; %s of %s replies before the first are equal",
-                   std::to_string(gaps_).c_str(), std::to_string(missing_).c_str(), std::to_string(equal_before_gap_).c_str(),
-                   std::to_string(compared_before_gap_).c_str()));
-  if (lost_replies_ > 0)
-    line(out, "", std::to_string(lost_replies_) + " steps were taken whose replies are missing");
+                   std::to_string(gaps_).c_str(), std::to_string(missing_).c_str(),
+                   std::to_string(equal_before_gap_).c_str(), std::to_string(compared_before_gap_).c_str()));
+  if (lost_replies_ > 0) line(out, "", std::to_string(lost_replies_) + " steps were taken whose replies are missing");
   if (unanswered_ticks_ > 0)
     line(out, "", "the recording ends before the answer to " + std::to_string(unanswered_ticks_) + " ticks");
   if (never_equal_ == kOtherSettings) return line(out, "result", never_equal_);
   std::string verdict = to_string(this->verdict());
-  if (!never_equal_.empty() && replies_.compared() > 0 && !replies_.all_equal()) verdict.append(" (").append(never_equal_).append(")");
+  if (!never_equal_.empty() && replies_.compared() > 0 && !replies_.all_equal())
+    verdict.append(" (").append(never_equal_).append(")");
   line(out, "result", verdict);
 }
 
@@ -160,7 +159,9 @@ nlohmann::ordered_json ReplayResult::json() const {
             {"visible_share", replies_.visible_share()},
             {"unknown_fields", replies_.unknown()}}},
           {"refused_ticks",
-           {{"as_recorded", refused_both_}, {"only_recorded", refused_recorded_.size()}, {"only_replayed", refused_only_replayed_}}},
+           {{"as_recorded", refused_both_},
+            {"only_recorded", refused_recorded_.size()},
+            {"only_replayed", refused_only_replayed_}}},
           {"faults", faults_},
           {"gaps", {{"count", gaps_}, {"missing_messages", missing_}, {"lost_replies", lost_replies_}}},
           {"unanswered_ticks", unanswered_ticks_}};

@@ -42,8 +42,8 @@ class ReplayResult {
   ReplayVerdict verdict() const;
   // Prints lines like "replies 3600 compared, ...", the verdict last.
   void print(std::ostream& out) const;
-  // The same as one object: `verdict` ("equal", "alike", "differs", "nothing", or "other settings"), `reason` (why replies need not be
-  // equal, or ""), and the counts.
+  // The same as one object: `verdict` ("equal", "alike", "differs", "nothing", or "other settings"), `reason` (why
+  // replies need not be equal, or ""), and the counts.
   nlohmann::ordered_json json() const;
 
  private:

@@ -39,8 +39,7 @@ std::string short_name(const EnumValueDescriptor& value) {
 // Value 0 means "unspecified" and cannot be set.
 std::string names_of(const EnumDescriptor& values) {
   std::string names;
-  for (int i = 1; i < values.value_count(); ++i)
-    names.append(i > 1 ? ", " : "").append(short_name(*values.value(i)));
+  for (int i = 1; i < values.value_count(); ++i) names.append(i > 1 ? ", " : "").append(short_name(*values.value(i)));
   return names;
 }
 
@@ -165,8 +164,7 @@ Status find_path(const Descriptor& top, const std::vector<std::string>& words, R
 
 Result<ReplaySetting> read_replay_setting(const std::string& text) {
   const size_t equals = text.find('=');
-  if (equals == std::string::npos || equals == 0)
-    return invalid("--set", "must be KEY=VALUE, got \"" + text + "\"");
+  if (equals == std::string::npos || equals == 0) return invalid("--set", "must be KEY=VALUE, got \"" + text + "\"");
   ReplaySetting setting;
   setting.key = text.substr(0, equals);
   setting.value = text.substr(equals + 1);
@@ -176,8 +174,7 @@ Result<ReplaySetting> read_replay_setting(const std::string& text) {
   } else {
     std::vector<std::string> words = words_of(setting.key);
     const Descriptor& part = part_of(words, setting.part);
-    if (Status found = find_path(part, words, setting); !found)
-      return tl::unexpected(std::move(found.error()));
+    if (Status found = find_path(part, words, setting); !found) return tl::unexpected(std::move(found.error()));
   }
   v1::OpenSession trial;
   if (!put_into(setting, part_of(setting, trial)))
@@ -189,9 +186,9 @@ void put_over(const std::vector<ReplaySetting>& settings, v1::OpenSession& open)
   for (const ReplaySetting& setting : settings) put_into(setting, part_of(setting, open));
 }
 
-// A preset in a tick resets all settings and tuning, and a lens replaces the whole former lens. So the changed settings are added
-// again to every such tick. A preset is only changed where the tick names one: otherwise it would reset what earlier ticks
-// set.
+// A preset in a tick resets all settings and tuning, and a lens replaces the whole former lens. So the changed settings
+// are added again to every such tick. A preset is only changed where the tick names one: otherwise it would reset what
+// earlier ticks set.
 void put_over(const std::vector<ReplaySetting>& settings, v1::Tick& tick) {
   const bool anew = tick.settings().preset() != v1::Settings::PRESET_UNSPECIFIED;
   for (const ReplaySetting& setting : settings) {
@@ -201,10 +198,8 @@ void put_over(const std::vector<ReplaySetting>& settings, v1::Tick& tick) {
       put_into(setting, *tick.mutable_settings());
     if (setting.part == ReplaySetting::Part::kTuning && (tick.has_tuning() || anew))
       put_into(setting, *tick.mutable_tuning());
-    if (setting.part == ReplaySetting::Part::kLimits && tick.has_limits())
-      put_into(setting, *tick.mutable_limits());
-    if (setting.part == ReplaySetting::Part::kLens && tick.has_lens())
-      put_into(setting, *tick.mutable_lens());
+    if (setting.part == ReplaySetting::Part::kLimits && tick.has_limits()) put_into(setting, *tick.mutable_limits());
+    if (setting.part == ReplaySetting::Part::kLens && tick.has_lens()) put_into(setting, *tick.mutable_lens());
   }
 }
 

@@ -29,7 +29,8 @@ Result<ReplaySetting> read_replay_setting(const std::string& text);
 // Changes the opening of a session.
 void put_over(const std::vector<ReplaySetting>& settings, v1::OpenSession& open);
 
-// Changes a later tick that carries settings, tuning, limits or a lens. Fields that `settings` do not name keep the tick's values.
+// Changes a later tick that carries settings, tuning, limits or a lens. Fields that `settings` do not name keep the
+// tick's values.
 void put_over(const std::vector<ReplaySetting>& settings, v1::Tick& tick);
 
 }  // namespace sightline

@@ -16,12 +16,12 @@ bool same_view(const CameraFrame& a, const CameraFrame& b) {
 }  // namespace
 
 CameraLimits wider(const CameraLimits& a, const CameraLimits& b) {
-  return {.max_speed_mps = std::max(a.max_speed_mps, b.max_speed_mps),
-          .max_acceleration_mps2 = std::max(a.max_acceleration_mps2, b.max_acceleration_mps2),
-          .max_angular_speed_radps = std::max(a.max_angular_speed_radps, b.max_angular_speed_radps),
-          .max_angular_acceleration_radps2 =
-              std::max(a.max_angular_acceleration_radps2, b.max_angular_acceleration_radps2),
-          .body_radius_m = std::min(a.body_radius_m, b.body_radius_m)};
+  return {
+      .max_speed_mps = std::max(a.max_speed_mps, b.max_speed_mps),
+      .max_acceleration_mps2 = std::max(a.max_acceleration_mps2, b.max_acceleration_mps2),
+      .max_angular_speed_radps = std::max(a.max_angular_speed_radps, b.max_angular_speed_radps),
+      .max_angular_acceleration_radps2 = std::max(a.max_angular_acceleration_radps2, b.max_angular_acceleration_radps2),
+      .body_radius_m = std::min(a.body_radius_m, b.body_radius_m)};
 }
 
 ReplayTruth::ReplayTruth(size_t picture_every)
@@ -29,8 +29,8 @@ ReplayTruth::ReplayTruth(size_t picture_every)
       occluders_(device_, EmbreeScene::Content::kOccluders),
       colliders_(device_, EmbreeScene::Content::kColliders) {}
 
-void ReplayTruth::add(const Session& session, const CameraLimits& recorded_limits,
-                      const v1::CameraReply& recorded, const v1::CameraReply& replayed) {
+void ReplayTruth::add(const Session& session, const CameraLimits& recorded_limits, const v1::CameraReply& recorded,
+                      const v1::CameraReply& replayed) {
   const bool first = recorded_.frames.empty();
   recorded_.limits = recorded_limits;
   replayed_.limits = first ? session.limits() : wider(replayed_.limits, session.limits());
@@ -48,8 +48,7 @@ void ReplayTruth::add(const Session& session, const CameraLimits& recorded_limit
   const JudgedScene scene{session.mirror(), targets, occluders_, colliders_};
   const CameraFrame was = frame_of(recorded, session.convention(), session.lens());
   const CameraFrame is = frame_of(replayed, session.convention(), session.lens());
-  if (same_view(was, is) &&
-      (recorded_.frames.empty() || same_view(recorded_.frames.back(), replayed_.frames.back()))) {
+  if (same_view(was, is) && (recorded_.frames.empty() || same_view(recorded_.frames.back(), replayed_.frames.back()))) {
     judge_into(recorded_, scene, was, size);
     replayed_.frames.push_back(is);
     replayed_.truths.push_back(recorded_.truths.back());
@@ -61,8 +60,7 @@ void ReplayTruth::add(const Session& session, const CameraLimits& recorded_limit
   other.get();
 }
 
-void ReplayTruth::judge_into(Run& run, const JudgedScene& scene, const CameraFrame& frame,
-                             int picture_size) const {
+void ReplayTruth::judge_into(Run& run, const JudgedScene& scene, const CameraFrame& frame, int picture_size) const {
   const CameraFrame& before = run.frames.empty() || frame.jump ? frame : run.frames.back();
   FrameTruth truth = judge_frame(scene, before.camera.position_m, frame, picture_size);
   run.frames.push_back(frame);

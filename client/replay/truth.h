@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "client/truth/judge.h"
 #include "client/report/figures.h"
+#include "client/truth/judge.h"
 #include "server/sample/embree_scene.h"
 #include "server/session/session.h"
 #include "sightline/v1/camera_control.pb.h"
@@ -22,8 +22,8 @@ class ReplayTruth {
   // `picture_every` >= 1: a picture of 512 x 512 is judged at every n-th step; collisions at every step.
   explicit ReplayTruth(size_t picture_every);
 
-  // Both replies must answer the newest tick of `session`, which must be the same at every call. `recorded_limits`: of the recorded run,
-  // which is judged by its own limits and not by those of the replay.
+  // Both replies must answer the newest tick of `session`, which must be the same at every call. `recorded_limits`: of
+  // the recorded run, which is judged by its own limits and not by those of the replay.
   void add(const Session& session, const CameraLimits& recorded_limits, const v1::CameraReply& recorded,
            const v1::CameraReply& replayed);
   size_t pictures() const { return pictures_; }

@@ -1,5 +1,5 @@
-#include "client/recordings/game_time.h"
 #include "client/report/digest.h"
+#include "client/recordings/game_time.h"
 
 #include <google/protobuf/util/json_util.h>
 
@@ -79,15 +79,13 @@ class Digester {
   }
   void take(const v1::Gap& gap, uint64_t) {
     digest_.missing += gap.messages();
-    std::string text =
-        std::to_string(gap.messages()) + " messages are missing: " + short_name(gap.reason());
+    std::string text = std::to_string(gap.messages()) + " messages are missing: " + short_name(gap.reason());
     mark("gap", gap.text().empty() ? text : text + ", " + gap.text());
   }
 
   void take(const v1::CameraReply& reply, uint64_t log_ns) {
     if (digest_.replies.replies() == 0) digest_.first_log_ns = log_ns;
-    digest_.candidates =
-        std::max(digest_.candidates, static_cast<size_t>(reply.candidates().visible_masks_size()));
+    digest_.candidates = std::max(digest_.candidates, static_cast<size_t>(reply.candidates().visible_masks_size()));
     if (reply.candidates().visible_masks_size() > 0) digest_.has_candidates = true;
     Outline outline{reply.status(), reply.reason(), reply.flags().SerializeAsString()};
     important_.push_back(reply.cut() || !(outline == last_));
@@ -103,8 +101,7 @@ class Digester {
   size_t frames_allowed() const {
     const size_t replies = std::max<size_t>(1, important_.size());
     const size_t poses_a_reply = std::max<size_t>(1, poses_ / replies);
-    return std::clamp(kMaxPagePoses / poses_a_reply, std::min(kLeastFrames, options_.max_frames),
-                      options_.max_frames);
+    return std::clamp(kMaxPagePoses / poses_a_reply, std::min(kLeastFrames, options_.max_frames), options_.max_frames);
   }
 
   void choose() {
@@ -156,15 +153,11 @@ std::string part_text(const v1::RecordingInfo& info) {
 }
 
 std::string convention_text(const v1::Convention& convention) {
-  return convention.preset() == v1::Convention::PRESET_UNSPECIFIED
-             ? "GLTF"
-             : short_name(convention.preset());
+  return convention.preset() == v1::Convention::PRESET_UNSPECIFIED ? "GLTF" : short_name(convention.preset());
 }
 
 std::string preset_text(const v1::Settings& settings) {
-  return settings.preset() == v1::Settings::PRESET_UNSPECIFIED
-             ? std::string()
-             : short_name(settings.preset());
+  return settings.preset() == v1::Settings::PRESET_UNSPECIFIED ? std::string() : short_name(settings.preset());
 }
 
 }  // namespace
@@ -192,8 +185,7 @@ std::vector<FigureRow> figures_of(const RecordingDigest& digest, const std::map<
   return rows;
 }
 
-std::vector<std::pair<std::string, std::string>> facts_of(const Recording& recording,
-                                                          const RecordingDigest& digest) {
+std::vector<std::pair<std::string, std::string>> facts_of(const Recording& recording, const RecordingDigest& digest) {
   const v1::RecordingInfo& info = recording.info();
   const v1::SessionOpened& opened = recording.opened();
   const std::optional<GameTime> game = game_time_of(recording);
@@ -231,17 +223,16 @@ std::vector<std::string> notices_of(const Recording& recording, const RecordingD
   if (digest.frames < replies) {
     const std::string changes = "change of status, reason or flags or a cut";
     notices.push_back(count(digest.frames) + " of " + count(replies) + " replies are frames here: " +
-                      (digest.kept_changes < digest.changes ? count(digest.kept_changes) + " of the " +
-                                                                  count(digest.changes) + " with a " + changes
-                                                            : "every one with a " + changes) +
+                      (digest.kept_changes < digest.changes
+                           ? count(digest.kept_changes) + " of the " + count(digest.changes) + " with a " + changes
+                           : "every one with a " + changes) +
                       ", and an even share of the others; the figures are of all.");
   }
   if (!recording.container().finished)
     notices.push_back("The file has no end: its writer was stopped, and up to a second may be missing.");
   if (!recording.container().loss.none() || !digest.read.loss.none())
-    notices.push_back(
-        "The file is damaged: " + count(recording.container().loss.troubles + digest.read.loss.troubles) +
-        " places cannot be read.");
+    notices.push_back("The file is damaged: " + count(recording.container().loss.troubles + digest.read.loss.troubles) +
+                      " places cannot be read.");
   if (digest.read.undecodable > 0)
     notices.push_back(count(digest.read.undecodable) + " messages cannot be decoded and are left out.");
   if (recording.info().snapshot_ticks() > 0)
@@ -250,8 +241,7 @@ std::vector<std::string> notices_of(const Recording& recording, const RecordingD
   if (digest.missing > 0)
     notices.push_back(count(digest.missing) +
                       " messages were not recorded: after such a gap things may not stand where they stood.");
-  if (digest.left_out_marks > 0)
-    notices.push_back(count(digest.left_out_marks) + " more events are not listed.");
+  if (digest.left_out_marks > 0) notices.push_back(count(digest.left_out_marks) + " more events are not listed.");
   return notices;
 }
 

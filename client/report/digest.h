@@ -1,5 +1,5 @@
-// Reads a recording once, without its scene. Decides which replies become frames of a page, lists the events, and sums up
-// the figures of all replies, frames or not.
+// Reads a recording once, without its scene. Decides which replies become frames of a page, lists the events, and sums
+// up the figures of all replies, frames or not.
 #pragma once
 
 #include <cstdint>
@@ -62,11 +62,10 @@ std::string json_of(const google::protobuf::Message& message);
 std::vector<FigureRow> figures_of(const RecordingDigest& digest, const std::map<uint64_t, std::string>& names);
 
 // Facts for the head of the page, name and value each.
-std::vector<std::pair<std::string, std::string>> facts_of(const Recording& recording,
-                                                          const RecordingDigest& digest);
+std::vector<std::pair<std::string, std::string>> facts_of(const Recording& recording, const RecordingDigest& digest);
 
-// Warnings that a reader needs before trusting the page, one sentence each: the file is unfinished, damaged or only a part,
-// messages are missing, frames were left out.
+// Warnings that a reader needs before trusting the page, one sentence each: the file is unfinished, damaged or only a
+// part, messages are missing, frames were left out.
 std::vector<std::string> notices_of(const Recording& recording, const RecordingDigest& digest);
 
 }  // namespace sightline

@@ -67,7 +67,8 @@ std::vector<FigureRow> truth_rows(const RunMetrics& run, const std::optional<Run
     row("r_P (partly hidden)", [](const Run& m) { return percent(m.r_p); });
     row("r_P with 5 % tolerance", [](const Run& m) { return percent(m.r_p_tolerant); });
     row("all targets seen (a pixel of each)", [](const Run& m) { return percent(m.all_seen); });
-    row("all targets whole (95 % of each seen in the picture)", [](const Run& m) { return percent(m.joint_whole_share); });
+    row("all targets whole (95 % of each seen in the picture)",
+        [](const Run& m) { return percent(m.joint_whole_share); });
     row("all targets clear (95 % of the part inside)", [](const Run& m) { return percent(m.joint_visible_share()); });
   }
   row("body collisions (frames)", [](const Run& m) { return std::to_string(m.body_collisions); });
@@ -127,8 +128,7 @@ void ReplyFigures::add(const v1::CameraReply& reply) {
 
 std::string spread_text(const std::vector<double>& values, double per_ms) {
   if (values.empty()) return "not known";
-  return formatted("p50 %.3f  p99 %.3f ms", percentile(values, 0.5) / per_ms,
-                   percentile(values, 0.99) / per_ms);
+  return formatted("p50 %.3f  p99 %.3f ms", percentile(values, 0.5) / per_ms, percentile(values, 0.99) / per_ms);
 }
 
 class ReplyTable {
@@ -150,8 +150,7 @@ class ReplyTable {
     row("cuts", [](const Run& run) { return std::to_string(run.cuts_); });
     row("ticks merged into a later reply", [](const Run& run) { return std::to_string(run.merged_ticks_); });
     row("degraded steps", [](const Run& run) { return std::to_string(run.degraded_); });
-    row("steps with a degraded recording",
-        [](const Run& run) { return std::to_string(run.recording_degraded_); });
+    row("steps with a degraded recording", [](const Run& run) { return std::to_string(run.recording_degraded_); });
     row("steps with the body in a collider", [](const Run& run) { return std::to_string(run.body_overlaps_); });
     for (size_t i = 0; i < Run::kStages.size(); ++i)
       row(std::string("stage ").append(Run::kStages[i]),

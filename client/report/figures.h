@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "client/truth/metrics.h"
 #include "client/page/session_page.h"
+#include "client/truth/metrics.h"
 #include "server/session/convention.h"
 #include "sightline/v1/camera_control.pb.h"
 
@@ -41,8 +41,7 @@ class ReplyFigures {
     uint64_t replies = 0;
     double visible = 0.0, filtered = 0.0, distance_m = 0.0;
   };
-  static constexpr std::array<const char*, 7> kStages{"queue",     "scene", "bound", "sample",
-                                                      "aggregate", "move",  "all"};
+  static constexpr std::array<const char*, 7> kStages{"queue", "scene", "bound", "sample", "aggregate", "move", "all"};
 
   Convention convention_;
   std::vector<CameraFrame> frames_;

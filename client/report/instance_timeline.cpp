@@ -16,8 +16,7 @@ bool stands_where(const Pose& a, const Pose& b) {
 }  // namespace
 
 void InstanceTimeline::take_in(const SceneMirror& mirror, size_t frame) {
-  if (mirror.static_version() != static_version_ || mirror.moving_version() != moving_version_)
-    compare(mirror, frame);
+  if (mirror.static_version() != static_version_ || mirror.moving_version() != moving_version_) compare(mirror, frame);
   static_version_ = mirror.static_version(), moving_version_ = mirror.moving_version();
   for (const uint32_t slot : mirror.moving_slots()) {
     const Instance& instance = mirror.instances()[slot];

@@ -8,8 +8,8 @@
 
 #include "client/page/contact_sheet.h"
 #include "client/page/page_reply.h"
-#include "client/report/instance_timeline.h"
 #include "client/report/digest.h"
+#include "client/report/instance_timeline.h"
 #include "client/report/placeholders.h"
 #include "client/truth/truth.h"
 #include "server/scene/mirror.h"
@@ -43,9 +43,8 @@ std::string seconds(double time_s) {
 }
 
 bool is_drawable(const PageFrame& frame) {
-  return std::isfinite(frame.time_s) && is_finite(frame.camera.position_m) &&
-         is_finite(frame.camera.rotation) && is_unit(frame.camera.rotation) &&
-         std::isfinite(frame.vertical_fov_rad);
+  return std::isfinite(frame.time_s) && is_finite(frame.camera.position_m) && is_finite(frame.camera.rotation) &&
+         is_unit(frame.camera.rotation) && std::isfinite(frame.vertical_fov_rad);
 }
 
 // Applies a recording to a session, and makes the page from it.
@@ -97,8 +96,7 @@ class Maker {
     placeholders_->replace(request, false);
     auto session = LocalSession::open(request, world_);
     if (!session) {
-      notice("The scene does not fit the session, which is shown without it: " + to_string(session.error()) +
-             ".");
+      notice("The scene does not fit the session, which is shown without it: " + to_string(session.error()) + ".");
       placeholders_->replace(request, true);
       whole_scene_ = false;
       session = LocalSession::open(request, world_);
@@ -108,8 +106,7 @@ class Maker {
     const auto told = recording_.opened();
     whole_scene_ = whole_scene_ && placeholders_->missed().empty();
     if (whole_scene_ && told.mirror_hash() != 0 && told.mirror_hash() != session_->opened().mirror_hash()) {
-      notice(
-          "The scene at hand is not the one that was recorded: shapes may differ from what the camera met.");
+      notice("The scene at hand is not the one that was recorded: shapes may differ from what the camera met.");
       whole_scene_ = false;
     }
     timeline_.emplace(names(request.scene()));
@@ -152,8 +149,7 @@ class Maker {
     else if (!whole_scene_)
       why = "they were not recorded, and without the scene no step can be taken again";
     else if (recording_.info().sampler() != sampler_.kind())
-      why =
-          "they were not recorded, and the sampler " + recording_.info().sampler() + " is not to be had here";
+      why = "they were not recorded, and the sampler " + recording_.info().sampler() + " is not to be had here";
     steps_again_ = why.empty();
     if (!why.empty()) notice("No candidate cells: " + why + ".");
     if (steps_again_) session_->want_candidates();
@@ -164,8 +160,7 @@ class Maker {
   void play() {
     recording_.read({0.0, options_.range.end_s}, [this](RecordedEvent& event) {
       if (auto* tick = std::get_if<v1::Tick>(&event.message)) apply(*tick, event.log_ns);
-      if (auto* rejection = std::get_if<v1::TickError>(&event.message))
-        refused_.insert(rejection->sequence());
+      if (auto* rejection = std::get_if<v1::TickError>(&event.message)) refused_.insert(rejection->sequence());
       if (auto* reply = std::get_if<v1::CameraReply>(&event.message)) take(*reply, event.log_ns);
       return true;
     });
@@ -242,8 +237,7 @@ class Maker {
         }
         known = page_.targets.insert(known, {seen.id(), target_name(seen.id()), 1.0, true});
       }
-      if (const Target* target = told(seen.id()))
-        known->weight = target->weight, known->required = target->required;
+      if (const Target* target = told(seen.id())) known->weight = target->weight, known->required = target->required;
       if (const Instance* instance = session_->session().mirror().find(seen.id())) known->radius_m = instance->radius_m;
     }
   }
@@ -308,10 +302,9 @@ class Maker {
     camera.lens.vertical_fov_rad = frame.vertical_fov_rad;
     const PictureTruth truth = measure_picture(occluders_, session.mirror(), targets, camera.camera, camera.lens);
     for (size_t i = 0; whole_scene_ && i < targets.size(); ++i)
-      if (truth.targets[i].alone_pixels > 0)
-        frame.sights[colours[i]].true_share = truth.targets[i].visible_share();
-    const Picture picture =
-        draw_frame({session.mirror(), occluders_, targets, colours}, camera, options_.picture_width);
+      if (truth.targets[i].alone_pixels > 0) frame.sights[colours[i]].true_share = truth.targets[i].visible_share();
+    const Picture picture = draw_frame({session.mirror(), occluders_, targets, colours}, camera,
+                                       options_.picture_width);
     page_.pictures.push_back({page_.frames.size(), "image/jpeg", encode_jpeg(picture, kJpegQuality)});
   }
 
@@ -320,11 +313,10 @@ class Maker {
   void describe_terms(const std::string& when) {
     const Session& session = session_->session();
     const auto lens = json_of(lens_to_proto(session.lens(), gltf_convention()));
-    for (auto& [title, json] :
-         {PageSettings{"Settings in effect", json_of(settings_to_proto(session.settings()))},
-          PageSettings{"Tuning in effect", json_of(tuning_to_proto(session.settings()))},
-          PageSettings{"Limits in effect", json_of(limits_to_proto(session.limits()))},
-          PageSettings{"Lens: radians, vertical", lens}}) {
+    for (auto& [title, json] : {PageSettings{"Settings in effect", json_of(settings_to_proto(session.settings()))},
+                                PageSettings{"Tuning in effect", json_of(tuning_to_proto(session.settings()))},
+                                PageSettings{"Limits in effect", json_of(limits_to_proto(session.limits()))},
+                                PageSettings{"Lens: radians, vertical", lens}}) {
       const auto same = [&, &json = json](const PageSettings& other) { return other.json == json; };
       if (std::none_of(page_.settings.begin(), page_.settings.end(), same))
         page_.settings.push_back({title + when, json});
@@ -334,8 +326,7 @@ class Maker {
   void finish() {
     const Session& session = session_->session();
     describe_terms(" at the end");
-    page_.title =
-        recording_.info().label().empty() ? recording_.info().session_id() : recording_.info().label();
+    page_.title = recording_.info().label().empty() ? recording_.info().session_id() : recording_.info().label();
     if (session.lens().aspect != page_.aspect)
       notice(
           "The shape of the picture changes in the session; all frames are shown in the one that it began "
@@ -369,19 +360,15 @@ class Maker {
 
   void add_notices() {
     for (const std::string& missed : placeholders_->missed())
-      notice(
-          "A scene file is missing; balls replace its instances, and nothing is occluded by it. " +
-          missed + ".");
+      notice("A scene file is missing; balls replace its instances, and nothing is occluded by it. " + missed + ".");
     for (std::string& text : notices_of(recording_, digest_)) notice(std::move(text));
     std::erase_if(refused_now_, [this](uint64_t sequence) { return refused_.contains(sequence); });
     if (!refused_now_.empty())
       notice(std::to_string(refused_now_.size()) +
              " ticks could not be applied here, though the server had taken them: " + first_refusal_ + ".");
-    if (without_pose_ > 0)
-      notice(std::to_string(without_pose_) + " replies have no pose that could be shown.");
+    if (without_pose_ > 0) notice(std::to_string(without_pose_) + " replies have no pose that could be shown.");
     if (!left_out_targets_.empty())
-      notice("Only the first 32 targets are shown; " + std::to_string(left_out_targets_.size()) +
-             " more came up.");
+      notice("Only the first 32 targets are shown; " + std::to_string(left_out_targets_.size()) + " more came up.");
   }
 
   const Recording& recording_;

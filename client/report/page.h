@@ -6,10 +6,10 @@
 #include <optional>
 #include <string>
 
+#include "client/page/session_page.h"
 #include "client/recordings/local_session.h"
 #include "client/recordings/recording.h"
 #include "client/recordings/scene_files.h"
-#include "client/page/session_page.h"
 
 namespace sightline {
 
@@ -31,8 +31,8 @@ struct RecordingPageOptions {
   std::function<void(const char* what, size_t done, size_t of)> progress = {};
 };
 
-// `sampler` takes steps again for candidate cells, if it is of the recording's kind. Fails when the range holds no reply,
-// and when the session cannot be opened even without its scene. All other problems become notices of the page.
+// `sampler` takes steps again for candidate cells, if it is of the recording's kind. Fails when the range holds no
+// reply, and when the session cannot be opened even without its scene. All other problems become notices of the page.
 Result<SessionPage> recording_page(const Recording& recording, const RecordingPageOptions& options,
                                    SamplerDevice& sampler);
 

@@ -29,9 +29,8 @@ void keep_clients_own(v1::Transforms& transforms) {
 
 template <typename List, typename IdOf>
 void drop_of_a_file(List& list, IdOf id_of) {
-  list.erase(
-      std::remove_if(list.begin(), list.end(), [&](const auto& item) { return of_a_file(id_of(item)); }),
-      list.end());
+  list.erase(std::remove_if(list.begin(), list.end(), [&](const auto& item) { return of_a_file(id_of(item)); }),
+             list.end());
 }
 
 }  // namespace
@@ -95,8 +94,7 @@ void Placeholders::replace(v1::Tick& tick) {
     drop_of_a_file(*delta.mutable_changed_instances(), [](const v1::AttributeChange& change) { return change.id(); });
   }
   if (tick.has_targets())
-    drop_of_a_file(*tick.mutable_targets()->mutable_targets(),
-                   [](const v1::Target& target) { return target.id(); });
+    drop_of_a_file(*tick.mutable_targets()->mutable_targets(), [](const v1::Target& target) { return target.id(); });
   if (tick.has_transforms()) keep_clients_own(*tick.mutable_transforms());
 }
 

@@ -20,8 +20,8 @@ namespace {
 const std::map<std::string, PageCells> kCells = {
     {"auto", PageCells::kAuto}, {"recorded", PageCells::kRecorded}, {"none", PageCells::kNone}};
 
-// Returns a sampler of the recording's kind when this machine has it. Otherwise one that can open the session, but whose
-// steps are not comparable.
+// Returns a sampler of the recording's kind when this machine has it. Otherwise one that can open the session, but
+// whose steps are not comparable.
 std::unique_ptr<SamplerDevice> sampler_like(const std::string& kind, PageCells cells) {
   if (kind == "egl" && cells == PageCells::kAuto)
     if (auto egl = choose_sampler_device(SamplerChoice::kEgl, {})) return std::move(egl->device);
@@ -77,7 +77,8 @@ Result<std::string> report_html(const ReportOptions& options, std::vector<PageSu
   auto page = page_of(options.recording, options, bar);
   if (!page) return tl::unexpected(page.error());
   summaries.push_back(summary_of(options.recording, *page));
-  if (!options.beside.empty()) page->title.append(": ").append(std::filesystem::path(options.recording).filename().string());
+  if (!options.beside.empty())
+    page->title.append(": ").append(std::filesystem::path(options.recording).filename().string());
   auto html = session_page(*page);
   if (!html || options.beside.empty()) return html;
   auto other = page_of(options.beside, options, bar);
@@ -120,21 +121,17 @@ int run_report_command(const ReportOptions& options, std::ostream& out, std::ost
 Verb add_report_verb(CLI::App& app) {
   auto options = std::make_shared<ReportOptions>();
   options->progress = isatty(STDERR_FILENO) != 0;
-  CLI::App* report = app.add_subcommand(
-      "report", "Write a recording as one HTML page: 3D view, time line, what the camera saw");
-  report->add_option("recording", options->recording, "A recording (.mcap)")
-      ->required()
-      ->check(CLI::ExistingFile);
+  CLI::App* report = app.add_subcommand("report",
+                                        "Write a recording as one HTML page: 3D view, time line, what the camera saw");
+  report->add_option("recording", options->recording, "A recording (.mcap)")->required()->check(CLI::ExistingFile);
   report->add_option("beside", options->beside, "A second recording, shown beside the first at the same time")
       ->check(CLI::ExistingFile);
   report->add_option("--out", options->out, "The page (default: beside the recording, .html)");
   report
-      ->add_option("--start", options->page.range.start_s,
-                   "Seconds since the recording's start: frames from there on")
+      ->add_option("--start", options->page.range.start_s, "Seconds since the recording's start: frames from there on")
       ->check(CLI::NonNegativeNumber);
   report->add_option("--end", options->page.range.end_s, "Frames before this")->check(CLI::NonNegativeNumber);
-  report
-      ->add_option("--scene-dir", options->page.scenes.folder, "Where scene files are that are not attached")
+  report->add_option("--scene-dir", options->page.scenes.folder, "Where scene files are that are not attached")
       ->check(CLI::ExistingDirectory);
   report->add_option("--scene", options->page.scenes.files, "A scene file that was uploaded; may be repeated")
       ->allow_extra_args(false)
@@ -148,12 +145,11 @@ Verb add_report_verb(CLI::App& app) {
   report->add_option("--pictures", options->page.pictures, "How many pictures of what the camera saw")
       ->check(CLI::Range(0, 1000))
       ->capture_default_str();
-  report
-      ->add_option("--max-frames", options->page.max_frames,
-                   "Replies beyond this are thinned; changes and cuts stay")
+  report->add_option("--max-frames", options->page.max_frames, "Replies beyond this are thinned; changes and cuts stay")
       ->check(CLI::Range(2, 1'000'000))
       ->capture_default_str();
-  report->add_flag("--json", options->json, "One JSON object instead of text: the page, and frames, pictures and notices of each recording");
+  report->add_flag("--json", options->json,
+                   "One JSON object instead of text: the page, and frames, pictures and notices of each recording");
   return {report, [options] { return run_report_command(*options, std::cout, std::cerr); }};
 }
 

@@ -4,15 +4,15 @@
 #include <ostream>
 #include <string>
 
-#include "client/report/page.h"
 #include "client/base/verb.h"
+#include "client/report/page.h"
 
 namespace sightline {
 
 struct ReportOptions {
   std::string recording;
   std::string beside;  // a second recording, shown on the right; empty: none
-  std::string out;  // empty: beside the recording, .html in the place of .mcap
+  std::string out;     // empty: beside the recording, .html in the place of .mcap
   RecordingPageOptions page;
   bool json = false;      // print one JSON object instead of text
   bool progress = false;  // draw a progress bar on `err`

@@ -66,8 +66,7 @@ Result<Scenario> Scenario::from_asset(std::shared_ptr<const SceneAsset> asset) {
 Status Scenario::take_roles() {
   for (int node = 0; node < static_cast<int>(asset_->nodes.size()); ++node)
     if (auto taken = take_role(node); !taken) return taken;
-  if (camera_node_ < 0)
-    return invalid("nodes", "no node has the role \"camera\", so the camera has no start");
+  if (camera_node_ < 0) return invalid("nodes", "no node has the role \"camera\", so the camera has no start");
   return {};
 }
 
@@ -81,7 +80,8 @@ Status Scenario::take_role(int node) {
   if (!weight.is_number() || !(weight.get<double>() >= 0.0))
     return invalid(field_of(asset_node, "weight"), "must be a number >= 0");
   const Json required = extras.value("required", Json(true));
-  if (!required.is_boolean() && required != 0 && required != 1) return invalid(field_of(asset_node, "required"), "must be true or false");
+  if (!required.is_boolean() && required != 0 && required != 1)
+    return invalid(field_of(asset_node, "required"), "must be true or false");
   if (*role == "camera") return take_camera(node);
   return take_actor(node, role->get<std::string>(), weight.get<double>(), required == true || required == 1);
 }

@@ -2,8 +2,8 @@
 //
 //   "extras": {"sightline": {"role": "target", "weight": 1.0, "required": true}}    role: target | occluder | camera
 //
-// A target or occluder is a node that moves with the file's first animation. The camera node is where the camera starts; a glTF
-// camera on it defines the lens. All other nodes stand still.
+// A target or occluder is a node that moves with the file's first animation. The camera node is where the camera
+// starts; a glTF camera on it defines the lens. All other nodes stand still.
 //
 // Frame: glTF's (the canonical one), metres, seconds. Immutable; any number of threads may play it.
 #pragma once
@@ -53,7 +53,8 @@ class Scenario {
   const Pose& camera() const { return camera_; }
   const Lens& lens() const { return lens_; }
 
-  // The poses of all actors at `time_s`, in the order of actors(). They are constant before the first key and after the last.
+  // The poses of all actors at `time_s`, in the order of actors(). They are constant before the first key and after the
+  // last.
   std::vector<Pose> poses_at(double time_s) const;
   // The same with velocities, by central difference over `step_s` (> 0), clipped to the animation.
   std::vector<ActorMotion> motion_at(double time_s, double step_s) const;

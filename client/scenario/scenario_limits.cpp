@@ -32,7 +32,8 @@ Result<CameraLimits> limits_of(const Scenario& scenario) {
   for (const AssetNode& node : scenario.asset().nodes) {
     const Json extras = camera_extras(node);
     if (extras.is_null()) continue;
-    if (Status done = take(extras, node, "max_speed_mps", limits.max_speed_mps); !done) return tl::unexpected(done.error());
+    if (Status done = take(extras, node, "max_speed_mps", limits.max_speed_mps); !done)
+      return tl::unexpected(done.error());
     if (Status done = take(extras, node, "max_acceleration_mps2", limits.max_acceleration_mps2); !done)
       return tl::unexpected(done.error());
     if (const Status valid = validate(limits); !valid)

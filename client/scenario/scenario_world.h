@@ -1,5 +1,5 @@
-// A scenario as a scene that rays can be traced through: runs are judged against it, and pictures are made from it. It uses only
-// Embree, and shares no code with the samplers or with the camera's own collision sweep.
+// A scenario as a scene that rays can be traced through: runs are judged against it, and pictures are made from it. It
+// uses only Embree, and shares no code with the samplers or with the camera's own collision sweep.
 #pragma once
 
 #include <memory>
@@ -12,7 +12,8 @@
 
 namespace sightline {
 
-// Not thread-safe, but worlds on several threads may share one device, one store and one scenario. All three must outlive it.
+// Not thread-safe, but worlds on several threads may share one device, one store and one scenario. All three must
+// outlive it.
 class ScenarioWorld {
  public:
   static Result<std::unique_ptr<ScenarioWorld>> make(const Scenario& scenario, GeometryStore& store,

@@ -11,17 +11,20 @@ namespace {
 std::vector<NamedShot> read_shots() {
   std::vector<NamedShot> shots;
   for (const auto& entry : nlohmann::ordered_json::parse(shots_json()))
-    shots.push_back({entry.at("name").get<std::string>(), entry.at("shows").get<std::string>(), entry.at("tick").dump()});
+    shots.push_back(
+        {entry.at("name").get<std::string>(), entry.at("shows").get<std::string>(), entry.at("tick").dump()});
   return shots;
 }
 
 void replace_all(std::string& text, std::string_view what, const std::string& by) {
-  for (size_t at = text.find(what); at != std::string::npos; at = text.find(what, at + by.size())) text.replace(at, what.size(), by);
+  for (size_t at = text.find(what); at != std::string::npos; at = text.find(what, at + by.size()))
+    text.replace(at, what.size(), by);
 }
 
 Result<v1::Tick> tick_from_json(const std::string& json) {
   v1::Tick tick;
-  if (const auto parsed = google::protobuf::util::JsonStringToMessage(json, &tick); !parsed.ok()) return invalid("shot", std::string(parsed.message()));
+  if (const auto parsed = google::protobuf::util::JsonStringToMessage(json, &tick); !parsed.ok())
+    return invalid("shot", std::string(parsed.message()));
   v1::Tick rest = tick;
   rest.clear_shot(), rest.clear_settings();
   if (rest.ByteSizeLong() > 0) return invalid("shot", "must hold \"shot\" and \"settings\" only");

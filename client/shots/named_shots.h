@@ -22,10 +22,12 @@ struct NamedShot {
 // In the order of the file.
 const std::vector<NamedShot>& named_shots();
 
-// `shot` and `settings` of a tick. kNotFound for an unknown name; kInvalidArgument if the shot needs an id that is 0. Fields "shot", "subject", "other".
+// `shot` and `settings` of a tick. kNotFound for an unknown name; kInvalidArgument if the shot needs an id that is 0.
+// Fields "shot", "subject", "other".
 Result<v1::Tick> named_shot(const std::string& name, uint64_t subject, uint64_t other);
 
-// The same, or for text that begins with '{', that message as JSON; it may hold `shot` and `settings` only. Field "shot".
+// The same, or for text that begins with '{', that message as JSON; it may hold `shot` and `settings` only. Field
+// "shot".
 Result<v1::Tick> read_shot_text(const std::string& text, uint64_t subject, uint64_t other);
 
 }  // namespace sightline

@@ -15,7 +15,8 @@ namespace {
 void list_shots(std::ostream& out) {
   size_t widest = 0;
   for (const NamedShot& shot : named_shots()) widest = std::max(widest, shot.name.size());
-  for (const NamedShot& shot : named_shots()) out << std::left << std::setw(static_cast<int>(widest) + 2) << shot.name << shot.shows << '\n';
+  for (const NamedShot& shot : named_shots())
+    out << std::left << std::setw(static_cast<int>(widest) + 2) << shot.name << shot.shows << '\n';
 }
 
 }  // namespace
@@ -43,11 +44,15 @@ int run_shots_command(const ShotsOptions& options, std::ostream& out, std::ostre
 
 Verb add_shots_verb(CLI::App& app) {
   const auto options = std::make_shared<ShotsOptions>();
-  CLI::App* command = app.add_subcommand("shots", "List the named shots, or print one of them as the part of a Tick that asks for it");
+  CLI::App* command = app.add_subcommand(
+      "shots", "List the named shots, or print one of them as the part of a Tick that asks for it");
   command->add_option("name", options->name, "The shot to print as JSON (default: list all)");
-  command->add_option("--subject", options->subject, "Id of the instance that the shot shows, or over whose shoulder it looks");
+  command->add_option("--subject", options->subject,
+                      "Id of the instance that the shot shows, or over whose shoulder it looks");
   command->add_option("--other", options->other, "Id of the other instance, for shots of two");
-  command->add_flag("--json", options->json, "One JSON object: the list, with $subject and $other for the ids. A single shot is always printed as JSON");
+  command->add_flag(
+      "--json", options->json,
+      "One JSON object: the list, with $subject and $other for the ids. A single shot is always printed as JSON");
   return {command, [options] { return run_shots_command(*options, std::cout, std::cerr); }};
 }
 

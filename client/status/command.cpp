@@ -93,10 +93,13 @@ int run_top_command(const TopOptions& options, std::ostream& out, std::ostream& 
 Verb add_status_verb(CLI::App& app) {
   const auto options = std::make_shared<StatusOptions>();
   options->address = kDefaultAddress;
-  CLI::App* command = app.add_subcommand("status", "Print how a running daemon is: sessions, quality, limits, times of its steps");
-  command->add_option("--address", options->address, "Address of the daemon: host:port, or unix:PATH")->capture_default_str();
+  CLI::App* command = app.add_subcommand(
+      "status", "Print how a running daemon is: sessions, quality, limits, times of its steps");
+  command->add_option("--address", options->address, "Address of the daemon: host:port, or unix:PATH")
+      ->capture_default_str();
   add_connection_flags(*command, options->connection);
-  command->add_flag("--json", options->json, "One JSON object: `info` and `stats`, as GetServerInfo and GetServerStats answer");
+  command->add_flag("--json", options->json,
+                    "One JSON object: `info` and `stats`, as GetServerInfo and GetServerStats answer");
   return {command, [options] { return run_status_command(*options, std::cout, std::cerr); }};
 }
 
@@ -104,14 +107,18 @@ Verb add_top_verb(CLI::App& app) {
   const auto options = std::make_shared<TopOptions>();
   options->address = kDefaultAddress;
   options->terminal = isatty(STDOUT_FILENO) != 0;
-  CLI::App* command = app.add_subcommand("top", "Show how a running daemon is, again and again, with what it did in each interval");
-  command->add_option("--address", options->address, "Address of the daemon: host:port, or unix:PATH")->capture_default_str();
+  CLI::App* command = app.add_subcommand(
+      "top", "Show how a running daemon is, again and again, with what it did in each interval");
+  command->add_option("--address", options->address, "Address of the daemon: host:port, or unix:PATH")
+      ->capture_default_str();
   add_connection_flags(*command, options->connection);
   command->add_option("--interval", options->interval_s, "Time between two readings, in seconds")
       ->check(CLI::Range(0.1, 3600.0))
       ->capture_default_str();
-  command->add_option("--count", options->count, "Number of intervals to show; 0 means until it is stopped")->capture_default_str();
-  command->add_flag("--json", options->json, "One JSON object a line for each interval: `window`, its rates and durations, and `stats`");
+  command->add_option("--count", options->count, "Number of intervals to show; 0 means until it is stopped")
+      ->capture_default_str();
+  command->add_flag("--json", options->json,
+                    "One JSON object a line for each interval: `window`, its rates and durations, and `stats`");
   return {command, [options] { return run_top_command(*options, std::cout, std::cerr); }};
 }
 

@@ -15,7 +15,8 @@ struct StatusOptions {
   ConnectionFlags connection = {};
   bool json = false;
 };
-// Prints the state of the daemon, and what it did since its start. Returns 0; 1 when it is not ready, or cannot be asked, with the reason on `err`.
+// Prints the state of the daemon, and what it did since its start. Returns 0; 1 when it is not ready, or cannot be
+// asked, with the reason on `err`.
 int run_status_command(const StatusOptions& options, std::ostream& out, std::ostream& err);
 
 struct TopOptions {
@@ -26,8 +27,8 @@ struct TopOptions {
   bool terminal = false;  // each window replaces the one before
   bool json = false;      // one JSON object a line for each window
 };
-// Prints the state, and what the daemon did within each interval. Returns 0 after `count` windows; 1 when the daemon cannot be asked, with the
-// reason on `err`.
+// Prints the state, and what the daemon did within each interval. Returns 0 after `count` windows; 1 when the daemon
+// cannot be asked, with the reason on `err`.
 int run_top_command(const TopOptions& options, std::ostream& out, std::ostream& err);
 
 Verb add_status_verb(CLI::App& app);

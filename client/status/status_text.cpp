@@ -23,13 +23,15 @@ std::string limits_text(const v1::GetServerStatsResponse& stats) {
 }
 
 std::string kept_text(const v1::GetServerStatsResponse& stats) {
-  return grouped(stats.kept_sessions()) + " wait for their client; since the start " + grouped(stats.resumed_sessions()) + " resumed, " +
-         grouped(stats.expired_sessions()) + " not in time, " + grouped(stats.refused_resumes()) + " refused";
+  return grouped(stats.kept_sessions()) + " wait for their client; since the start " +
+         grouped(stats.resumed_sessions()) + " resumed, " + grouped(stats.expired_sessions()) + " not in time, " +
+         grouped(stats.refused_resumes()) + " refused";
 }
 
 std::string access_text(const v1::AccessStats& access) {
-  return grouped(access.refused_calls()) + " calls and " + grouped(access.failed_handshakes()) + " handshakes refused; changed files: " +
-         grouped(access.files_taken_over()) + " taken over, " + grouped(access.files_refused()) + " refused";
+  return grouped(access.refused_calls()) + " calls and " + grouped(access.failed_handshakes()) +
+         " handshakes refused; changed files: " + grouped(access.files_taken_over()) + " taken over, " +
+         grouped(access.files_refused()) + " refused";
 }
 
 std::string recording_text(const v1::GetServerStatsResponse& stats) {
@@ -57,24 +59,26 @@ std::string duration_text(double seconds) {
 
 void print_state(std::ostream& out, const std::string& address, const v1::GetServerInfoResponse& info,
                  const v1::GetServerStatsResponse& stats) {
-  out << "sightlined " << printable(info.version()) << " at " << address << ": " << (stats.ready() ? "ready" : "not ready") << ", up "
-      << duration_text(stats.uptime_s()) << '\n'
+  out << "sightlined " << printable(info.version()) << " at " << address << ": "
+      << (stats.ready() ? "ready" : "not ready") << ", up " << duration_text(stats.uptime_s()) << '\n'
       << "device        " << printable(info.sampler()) << ": " << printable(info.renderer(), 80) << '\n'
       << "sessions      " << grouped(stats.open_sessions()) << " open of " << grouped(info.max_sessions()) << ", "
       << grouped(stats.opened_sessions()) << " opened since the start\n"
       << "streams lost  " << kept_text(stats) << '\n'
       << "quality       sessions by level: " << levels_text(stats) << '\n'
       << "connections   " << grouped(stats.open_connections()) << '\n'
-      << "memory        " << bytes_text(stats.resident_bytes()) << ", of it geometry " << bytes_text(stats.geometry_bytes()) << '\n'
+      << "memory        " << bytes_text(stats.resident_bytes()) << ", of it geometry "
+      << bytes_text(stats.geometry_bytes()) << '\n'
       << "limits hit    " << limits_text(stats) << '\n'
       << "credentials   " << access_text(stats.access()) << '\n'
       << "recording     " << recording_text(stats) << '\n';
 }
 
 void print_window(std::ostream& out, const Window& window) {
-  out << formatted("ticks/s       %.1f: %.1f answered, %.1f merged, %.1f refused\n", window.ticks_per_s, window.steps_per_s,
-                   window.merged_per_s, window.refused_per_s)
-      << formatted("steps         %.1f %% late, %.1f %% degraded\n", 100.0 * window.late_share, 100.0 * window.degraded_share)
+  out << formatted("ticks/s       %.1f: %.1f answered, %.1f merged, %.1f refused\n", window.ticks_per_s,
+                   window.steps_per_s, window.merged_per_s, window.refused_per_s)
+      << formatted("steps         %.1f %% late, %.1f %% degraded\n", 100.0 * window.late_share,
+                   100.0 * window.degraded_share)
       << "bytes/s       " << bytes_text(static_cast<uint64_t>(window.received_bytes_per_s)) << " received, "
       << bytes_text(static_cast<uint64_t>(window.sent_bytes_per_s)) << " sent\n"
       << formatted("CPUs          %.2f busy\n\n", window.cpus);

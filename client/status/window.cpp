@@ -72,8 +72,8 @@ Window window_between(const v1::GetServerStatsResponse& earlier, const v1::GetSe
   window.received_bytes_per_s = per_s(later.received_bytes(), earlier.received_bytes());
   window.sent_bytes_per_s = per_s(later.sent_bytes(), earlier.sent_bytes());
   window.cpus = std::max(0.0, later.cpu_s() - earlier.cpu_s()) / window.seconds;
-  window.durations = {row("tick age", later.tick_age(), earlier.tick_age()), row("queue", later.queue(), earlier.queue()),
-                      row("step", later.step(), earlier.step())};
+  window.durations = {row("tick age", later.tick_age(), earlier.tick_age()),
+                      row("queue", later.queue(), earlier.queue()), row("step", later.step(), earlier.step())};
   for (const v1::StageHistogram& stage : later.stages())
     window.durations.push_back(row("  " + stage.stage(), stage.durations(), stage_of(earlier, stage.stage())));
   return window;

@@ -9,8 +9,8 @@
 
 namespace sightline {
 
-// A quantile of a histogram, q in [0, 1], in microseconds. Durations count as spread evenly over their octave, so the result can be wrong by up to
-// half of itself. 0 when nothing was counted.
+// A quantile of a histogram, q in [0, 1], in microseconds. Durations count as spread evenly over their octave, so the
+// result can be wrong by up to half of itself. 0 when nothing was counted.
 double quantile_us(const v1::DurationHistogram& histogram, double q);
 
 // The durations that `later` counts and `earlier` does not.
@@ -27,7 +27,7 @@ struct Window {
   double ticks_per_s = 0.0, steps_per_s = 0.0, merged_per_s = 0.0, refused_per_s = 0.0;
   double late_share = 0.0, degraded_share = 0.0;  // of the steps, [0, 1]
   double received_bytes_per_s = 0.0, sent_bytes_per_s = 0.0;
-  double cpus = 0.0;                // processors that the daemon kept busy
+  double cpus = 0.0;                   // processors that the daemon kept busy
   std::vector<DurationRow> durations;  // tick age, queue, step, then the stages
 };
 

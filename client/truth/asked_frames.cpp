@@ -15,19 +15,25 @@ TrackedTarget body_of(const Instance& instance) {
   const Aabb& box = instance.geometry->bounds;
   glm::dvec3 low_m(INFINITY), high_m(-INFINITY);
   for (int k = 0; k < 8; ++k) {
-    const glm::dvec3 corner(k & 1 ? box.max.x : box.min.x, k & 2 ? box.max.y : box.min.y, k & 4 ? box.max.z : box.min.z);
+    const glm::dvec3 corner(k & 1 ? box.max.x : box.min.x, k & 2 ? box.max.y : box.min.y,
+                            k & 4 ? box.max.z : box.min.z);
     const glm::dvec3 at_m = transform_point(instance.world_from_instance, corner);
     low_m = glm::min(low_m, at_m), high_m = glm::max(high_m, at_m);
   }
   const glm::dvec3 aim_m = aim_point_m(instance), half_m = (high_m - low_m) / 2.0;
-  return {.aim_m = aim_m, .radius_m = instance.radius_m, .low_m = aim_m.y - low_m.y, .high_m = high_m.y - aim_m.y, .aside_m = std::max(half_m.x, half_m.z)};
+  return {.aim_m = aim_m,
+          .radius_m = instance.radius_m,
+          .low_m = aim_m.y - low_m.y,
+          .high_m = high_m.y - aim_m.y,
+          .aside_m = std::max(half_m.x, half_m.z)};
 }
 
 class AskedFrames {
  public:
   AskedFrames(const AskedShot& shot, ScenarioWorld& world) : shot_(shot), world_(world) {
     if (shot.places.empty()) return;
-    for (const PicturePlace& place : shot.places) place_ += place.half_pictures / static_cast<double>(shot.places.size());
+    for (const PicturePlace& place : shot.places)
+      place_ += place.half_pictures / static_cast<double>(shot.places.size());
   }
 
   FrameShot at(const CameraFrame& frame) {
@@ -50,11 +56,13 @@ class AskedFrames {
     for (const uint64_t id : shot_.subject_ids)
       if (const Instance* instance = world_.mirror().find(id)) subjects.push_back(body_of(*instance));
     if (!subjects.empty()) return subjects;
-    for (const Target& target : world_.targets()) subjects.push_back(body_of(*world_.mirror().find(target.instance_id)));
+    for (const Target& target : world_.targets())
+      subjects.push_back(body_of(*world_.mirror().find(target.instance_id)));
     return subjects;
   }
   glm::dvec3 middle_of(std::span<const TrackedTarget> subjects) const {
-    const bool named = std::any_of(shot_.subject_ids.begin(), shot_.subject_ids.end(), [&](uint64_t id) { return world_.mirror().find(id) != nullptr; });
+    const bool named = std::any_of(shot_.subject_ids.begin(), shot_.subject_ids.end(),
+                                   [&](uint64_t id) { return world_.mirror().find(id) != nullptr; });
     if (!named) return world_.targets_center_m();
     glm::dvec3 sum_m(0.0);
     for (const TrackedTarget& subject : subjects) sum_m += subject.aim_m / static_cast<double>(subjects.size());
@@ -89,11 +97,13 @@ class AskedFrames {
     return glm::length(way_m) > kTravelsMps * (time_s - before->time_s) ? yaw_of(way_m) : std::nullopt;
   }
 
-  PlaceInFrame place_at(const CameraFrame& frame, std::span<const TrackedTarget> subjects, const glm::dvec3& middle_m) const {
+  PlaceInFrame place_at(const CameraFrame& frame, std::span<const TrackedTarget> subjects,
+                        const glm::dvec3& middle_m) const {
     PlaceInFrame place{first_side_rad(shot_, first_place_.side_rad), shot_.height_rad.value_or(first_place_.height_rad),
                        shot_.distance_m.value_or(first_place_.distance_m)};
     place.side_rad += shot_.orbit_radps * (frame.time_s - first_s_);
-    if (shot_.size) place.distance_m = distance_for_size_m(*shot_.size, subjects, middle_m, place, yaw_rad_, frame.lens);
+    if (shot_.size)
+      place.distance_m = distance_for_size_m(*shot_.size, subjects, middle_m, place, yaw_rad_, frame.lens);
     return place;
   }
 
@@ -113,7 +123,8 @@ class AskedFrames {
 
 }  // namespace
 
-std::vector<FrameShot> shots_as_asked(const AskedShot& shot, ScenarioWorld& world, std::span<const CameraFrame> frames) {
+std::vector<FrameShot> shots_as_asked(const AskedShot& shot, ScenarioWorld& world,
+                                      std::span<const CameraFrame> frames) {
   AskedFrames asked(shot, world);
   std::vector<FrameShot> shots;
   for (const CameraFrame& frame : frames) shots.push_back(asked.at(frame));

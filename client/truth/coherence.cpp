@@ -21,9 +21,9 @@ ShotProperties shot_properties(const CameraFrame& frame, const glm::dvec3& cente
   const glm::dvec3 in_view_m = inverse_transform_point(frame.camera, center_m);
   ShotProperties shot = shot_from(frame.camera.position_m - center_m, frame.lens.vertical_fov_rad);
   const double depth_m = -in_view_m.z;
-  shot.place_half_pictures = depth_m > 0
-                                 ? glm::dvec2(in_view_m.x / frame.lens.aspect, in_view_m.y) / (depth_m * std::tan(frame.lens.vertical_fov_rad / 2))
-                                 : glm::dvec2(std::numeric_limits<double>::infinity());
+  shot.place_half_pictures = depth_m > 0 ? glm::dvec2(in_view_m.x / frame.lens.aspect, in_view_m.y) /
+                                               (depth_m * std::tan(frame.lens.vertical_fov_rad / 2))
+                                         : glm::dvec2(std::numeric_limits<double>::infinity());
   return shot;
 }
 
@@ -38,7 +38,8 @@ double sight_loss(const PictureTruth& picture) {
   return picture.targets.empty() ? 0.0 : loss / static_cast<double>(picture.targets.size());
 }
 
-CoherenceMetrics coherence_of(std::span<const CameraFrame> frames, std::span<const glm::dvec3> centers_m, std::span<const FrameTruth> truths) {
+CoherenceMetrics coherence_of(std::span<const CameraFrame> frames, std::span<const glm::dvec3> centers_m,
+                              std::span<const FrameTruth> truths) {
   std::vector<FrameShot> shots;
   for (size_t i = 0; i < frames.size(); ++i) {
     const ShotProperties now = shot_properties(frames[i], centers_m[i]);
@@ -47,7 +48,8 @@ CoherenceMetrics coherence_of(std::span<const CameraFrame> frames, std::span<con
   return coherence_of(frames, shots, truths);
 }
 
-CoherenceMetrics coherence_of(std::span<const CameraFrame> frames, std::span<const FrameShot> shots, std::span<const FrameTruth> truths, double tolerance) {
+CoherenceMetrics coherence_of(std::span<const CameraFrame> frames, std::span<const FrameShot> shots,
+                              std::span<const FrameTruth> truths, double tolerance) {
   CoherenceMetrics metrics;
   if (frames.empty()) return metrics;
   const ShotWeights weights;
@@ -60,19 +62,22 @@ CoherenceMetrics coherence_of(std::span<const CameraFrame> frames, std::span<con
       const PictureTruth& picture = *truths[i].picture;
       const double lacks = sight_loss(picture), departs = shot_loss(now, weights);
       ++pictures;
-      metrics.mean_worth += picture_worth(lacks, departs), metrics.mean_sight_loss += lacks, metrics.mean_shot_loss += departs;
+      metrics.mean_worth += picture_worth(lacks, departs), metrics.mean_sight_loss += lacks,
+          metrics.mean_shot_loss += departs;
       metrics.as_asked_share += picture.all_whole() && largest_of(now) == 0;
     }
     heights_rad.push_back(shot.height_rad);
     metrics.high_share += shot.height_rad > kHighRad;
-    metrics.mean.side += now.side, metrics.mean.height += now.height, metrics.mean.size += now.size, metrics.mean.place += now.place;
+    metrics.mean.side += now.side, metrics.mean.height += now.height, metrics.mean.size += now.size,
+        metrics.mean.place += now.place;
     metrics.kept_share += largest_of(now) <= 0.5;
   }
   const auto count = static_cast<double>(frames.size());
-  for (double* const sum : {&metrics.mean.side, &metrics.mean.height, &metrics.mean.size, &metrics.mean.place, &metrics.kept_share,
-                            &metrics.high_share})
+  for (double* const sum : {&metrics.mean.side, &metrics.mean.height, &metrics.mean.size, &metrics.mean.place,
+                            &metrics.kept_share, &metrics.high_share})
     *sum /= count;
-  for (double* const sum : {&metrics.mean_worth, &metrics.mean_sight_loss, &metrics.mean_shot_loss, &metrics.as_asked_share})
+  for (double* const sum :
+       {&metrics.mean_worth, &metrics.mean_sight_loss, &metrics.mean_shot_loss, &metrics.as_asked_share})
     *sum /= static_cast<double>(std::max<size_t>(pictures, 1));
   metrics.asked_height_rad = shots[0].asked.height_rad;
   metrics.median_height_rad = percentile(std::move(heights_rad), 0.5);

@@ -9,8 +9,8 @@
 
 namespace sightline {
 
-// Keeps the offset (world axes) that the scenario's camera has from the targets' weighted centre at the start, and looks at that
-// centre. No limits, no smoothing.
+// Keeps the offset (world axes) that the scenario's camera has from the targets' weighted centre at the start, and
+// looks at that centre. No limits, no smoothing.
 class FollowCamera {
  public:
   // `world` must be at the scenario's start and have at least one target.

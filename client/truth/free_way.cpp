@@ -76,9 +76,8 @@ class Search {
 };
 
 // The longest time without a break within one stretch in which a way existed.
-double longest_with_way_s(ScenarioWorld& world, std::span<const CameraFrame> frames,
-                          std::span<const FrameTruth> truths, const BlindStretch& stretch,
-                          const CameraLimits& limits) {
+double longest_with_way_s(ScenarioWorld& world, std::span<const CameraFrame> frames, std::span<const FrameTruth> truths,
+                          const BlindStretch& stretch, const CameraLimits& limits) {
   const double reach_m = reach_from_rest_m(limits, kFreeWayS);
   double longest_s = 0.0, since_s = 0.0, searched_s = -INFINITY;
   bool exists = false;

@@ -18,14 +18,13 @@ std::optional<glm::dvec2> point_in_picture(const CameraFrame& frame, const glm::
   return at;
 }
 
-FrameTruth judge_at(ScenarioWorld& world, std::span<const CameraFrame> frames, size_t i,
-                    const JudgeOptions& options) {
+FrameTruth judge_at(ScenarioWorld& world, std::span<const CameraFrame> frames, size_t i, const JudgeOptions& options) {
   const CameraFrame& frame = frames[i];
   const CameraFrame& before = i == 0 || frame.jump ? frame : frames[i - 1];
   world.set_time(frame.time_s);
   const bool picture = options.picture_every > 0 && i % static_cast<size_t>(options.picture_every) == 0;
-  return judge_frame({world.mirror(), world.targets(), world.occluders(), world.colliders()},
-                     before.camera.position_m, frame, picture ? options.picture_size : 0);
+  return judge_frame({world.mirror(), world.targets(), world.occluders(), world.colliders()}, before.camera.position_m,
+                     frame, picture ? options.picture_size : 0);
 }
 
 }  // namespace
@@ -37,8 +36,8 @@ FrameTruth judge_frame(const JudgedScene& scene, const glm::dvec3& before_m, con
   for (const Target& target : scene.targets)
     truth.centers.push_back(point_in_picture(frame, scene.mirror.find(target.instance_id)->center_m));
   if (picture_size > 0) {
-    truth.picture =
-        measure_picture(scene.occluders, scene.mirror, scene.targets, frame.camera, frame.lens, picture_size);
+    truth.picture = measure_picture(scene.occluders, scene.mirror, scene.targets, frame.camera, frame.lens,
+                                    picture_size);
     add_outlines(scene.occluders, scene.mirror, scene.targets, frame.camera, frame.lens, *truth.picture);
   }
   return truth;
@@ -46,8 +45,7 @@ FrameTruth judge_frame(const JudgedScene& scene, const glm::dvec3& before_m, con
 
 Result<std::vector<FrameTruth>> judge(const Scenario& scenario, GeometryStore& store, EmbreeDevice& device,
                                       std::span<const CameraFrame> frames, const JudgeOptions& options) {
-  const size_t thread_count =
-      std::clamp<size_t>(frames.size(), 1, static_cast<size_t>(std::max(1, options.threads)));
+  const size_t thread_count = std::clamp<size_t>(frames.size(), 1, static_cast<size_t>(std::max(1, options.threads)));
   std::vector<std::unique_ptr<ScenarioWorld>> worlds;
   for (size_t k = 0; k < thread_count; ++k) {
     auto world = ScenarioWorld::make(scenario, store, device);

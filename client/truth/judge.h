@@ -22,8 +22,8 @@ struct CameraFrame {
 
 struct FrameTruth {
   BodyTruth body;
-  // Each target's centre in the picture, in picture heights from the middle, right and up; none when it is outside the picture.
-  // Filled for every frame, in the order of ScenarioWorld::targets().
+  // Each target's centre in the picture, in picture heights from the middle, right and up; none when it is outside the
+  // picture. Filled for every frame, in the order of ScenarioWorld::targets().
   std::vector<std::optional<glm::dvec2>> centers;
   std::optional<PictureTruth> picture;  // only at every picture_every-th frame
 };

@@ -47,8 +47,7 @@ constexpr RunFigure kFigures[] = {
     {"limit_violations", [](const Run& r) { return double(r.limit_violations); }},
 };
 
-void add_travel(std::span<const CameraFrame> frames, std::span<const FrameTruth> truths,
-                RunMetrics& metrics) {
+void add_travel(std::span<const CameraFrame> frames, std::span<const FrameTruth> truths, RunMetrics& metrics) {
   for (size_t i = 1; i < frames.size(); ++i) {
     if (frames[i].jump) continue;
     metrics.d_c_m += glm::distance(frames[i].camera.position_m, frames[i - 1].camera.position_m);
@@ -93,8 +92,7 @@ void add_motion(std::span<const CameraFrame> frames, const CameraLimits& limits,
   divide_by_samples(samples, jerks_mps3.size(), metrics);
   metrics.p99_jerk_mps3 = percentile(std::move(jerks_mps3), 0.99);
   const double length_s = frames.empty() ? 0.0 : frames.back().time_s - frames.front().time_s;
-  if (length_s > 0)
-    metrics.reversals_per_s = static_cast<double>(direction_reversals(frames)) / length_s;
+  if (length_s > 0) metrics.reversals_per_s = static_cast<double>(direction_reversals(frames)) / length_s;
 }
 
 void add_bodies(std::span<const FrameTruth> truths, double body_radius_m, RunMetrics& metrics) {
@@ -134,7 +132,8 @@ void add_picture(const PictureTruth& picture, RunMetrics& metrics) {
 void divide_by_pictures(RunMetrics& metrics) {
   if (metrics.pictures == 0) return;
   const double n = static_cast<double>(metrics.pictures);
-  for (double* sum : {&metrics.r_n, &metrics.r_p, &metrics.r_p_tolerant, &metrics.all_seen, &metrics.joint_whole_share}) *sum /= n;
+  for (double* sum : {&metrics.r_n, &metrics.r_p, &metrics.r_p_tolerant, &metrics.all_seen, &metrics.joint_whole_share})
+    *sum /= n;
   for (TargetMetrics& target : metrics.targets) {
     const double own = static_cast<double>(std::max<size_t>(target.pictures, 1));
     target.mean_visible_share /= own;
@@ -155,7 +154,8 @@ void add_sight(std::span<const CameraFrame> frames, std::span<const FrameTruth> 
     if (!truths[i].picture) continue;
     add_picture(*truths[i].picture, metrics);
     double largest_pictures = 0.0;
-    for (const TargetTruth& target : truths[i].picture->targets) largest_pictures = std::max(largest_pictures, target.outline.height_pictures);
+    for (const TargetTruth& target : truths[i].picture->targets)
+      largest_pictures = std::max(largest_pictures, target.outline.height_pictures);
     sizes_pictures.push_back(largest_pictures);
     for (const TargetTruth& target : truths[i].picture->targets) {
       const size_t k = index_of(target.id, metrics);
@@ -211,8 +211,8 @@ EpisodeMetrics episodes_of(std::span<const std::vector<SightSample>> targets) {
   return metrics;
 }
 
-RunMetrics summarize(const Scenario& scenario, std::span<const CameraFrame> frames,
-                     std::span<const FrameTruth> truths, const CameraLimits& limits) {
+RunMetrics summarize(const Scenario& scenario, std::span<const CameraFrame> frames, std::span<const FrameTruth> truths,
+                     const CameraLimits& limits) {
   std::vector<TargetMetrics> targets;
   for (const ScenarioActor& target : scenario.targets())
     if (target.weight > 0.0) targets.push_back({.id = target.id, .name = target.name});

@@ -45,23 +45,26 @@ struct RunMetrics {
   double r_p = 0.0;                 // not r_n, and some target has a hidden pixel or is off screen
   double r_p_tolerant = 0.0;        // r_p with 5 % tolerance
   double all_seen = 0.0;            // every target has a visible pixel
-  double joint_whole_share = 0.0;   // every target is shown whole: at least 95 % of it unhidden, and 95 % of its outline in the picture
-  double mean_whole_share = 0.0;    // mean over targets
-  // The 95th percentile over pictures of the height of the target that is largest in it, in picture heights. From 1 on it does not fit.
+  // every target is shown whole: at least 95 % of it unhidden, and 95 % of its outline in the picture
+  double joint_whole_share = 0.0;
+  double mean_whole_share = 0.0;  // mean over targets
+  // The 95th percentile over pictures of the height of the target that is largest in it, in picture heights. From 1 on
+  // it does not fit.
   double p95_size_pictures = 0.0;
-  // The part of every target inside the picture is visible to at least 95 %: 1 - r_n - r_p_tolerant, exact to the picture.
+  // The part of every target inside the picture is visible to at least 95 %: 1 - r_n - r_p_tolerant, exact to the
+  // picture.
   double joint_visible_share() const;
   size_t body_collisions = 0;  // frames in which the body touches or has passed a collider
   double least_clearance_m = 0.0;
   size_t limit_violations = 0;  // frames that break at least one of the four motion limits
   EpisodeMetrics episodes;
-  // The longest time without a target in sight, in seconds. It runs from a judged picture without a pixel of any target to the
-  // next picture with one, or to the last picture. 0 when every picture holds a pixel. Its resolution is the time between
-  // judged pictures.
+  // The longest time without a target in sight, in seconds. It runs from a judged picture without a pixel of any target
+  // to the next picture with one, or to the last picture. 0 when every picture holds a pixel. Its resolution is the
+  // time between judged pictures.
   double longest_blind_s = 0.0;
   double d_c_m = 0.0;  // length of the camera's path (paper, section 6)
-  // Length of the path of the targets' projected centres in the picture, summed over targets, in picture heights (paper,
-  // section 6). Only pairs of neighbouring frames that both hold the centre count.
+  // Length of the path of the targets' projected centres in the picture, summed over targets, in picture heights
+  // (paper, section 6). Only pairs of neighbouring frames that both hold the centre count.
   double d_s_heights = 0.0;
   double peak_speed_mps = 0.0, peak_acceleration_mps2 = 0.0;
   double peak_angular_speed_radps = 0.0, peak_angular_acceleration_radps2 = 0.0;
@@ -88,11 +91,11 @@ struct SightSample {
 EpisodeMetrics episodes_of(std::span<const std::vector<SightSample>> targets);
 
 // The figures of a scenario's run. `truths` is as long as `frames`.
-RunMetrics summarize(const Scenario& scenario, std::span<const CameraFrame> frames,
-                     std::span<const FrameTruth> truths, const CameraLimits& limits);
+RunMetrics summarize(const Scenario& scenario, std::span<const CameraFrame> frames, std::span<const FrameTruth> truths,
+                     const CameraLimits& limits);
 
-// The figures of any run. `targets`: the id and name of everything that was a target at some time; each picture says which of
-// them were targets then. `truths` is as long as `frames`, or empty.
+// The figures of any run. `targets`: the id and name of everything that was a target at some time; each picture says
+// which of them were targets then. `truths` is as long as `frames`, or empty.
 RunMetrics summarize(std::vector<TargetMetrics> targets, std::span<const CameraFrame> frames,
                      std::span<const FrameTruth> truths, const CameraLimits& limits);
 

@@ -11,7 +11,8 @@ struct Heading {
   double yaw_rad = 0.0, pitch_rad = 0.0;
 };
 
-// The heading of a camera without roll. Yaw comes from its right axis, which stays level even when it looks straight up or down.
+// The heading of a camera without roll. Yaw comes from its right axis, which stays level even when it looks straight up
+// or down.
 Heading heading_of(const glm::dquat& rotation) {
   const glm::dvec3 right = rotation * glm::dvec3(1, 0, 0), forward = rotation * glm::dvec3(0, 0, -1);
   const glm::dvec3 ahead(right.z, 0.0, -right.x);  // level, at a right angle to `right`
@@ -35,8 +36,8 @@ struct Rates {
 
 Rates rates_between(const CameraFrame& before, const CameraFrame& now, double dt_s) {
   const Heading from = heading_of(before.camera.rotation), to = heading_of(now.camera.rotation);
-  return {(now.camera.position_m - before.camera.position_m) / dt_s,
-          wrapped(to.yaw_rad - from.yaw_rad) / dt_s, (to.pitch_rad - from.pitch_rad) / dt_s, glm::dvec3(0.0)};
+  return {(now.camera.position_m - before.camera.position_m) / dt_s, wrapped(to.yaw_rad - from.yaw_rad) / dt_s,
+          (to.pitch_rad - from.pitch_rad) / dt_s, glm::dvec3(0.0)};
 }
 
 MotionSample sample_of(const Rates& before, const Rates& now, double dt_s) {
@@ -46,8 +47,9 @@ MotionSample sample_of(const Rates& before, const Rates& now, double dt_s) {
   sample.acceleration_mps2 = glm::length(now.acceleration_mps2);
   sample.jerk_mps3 = glm::length(now.acceleration_mps2 - before.acceleration_mps2) / dt_s;
   sample.angular_speed_radps = std::hypot(now.yaw_radps, now.pitch_radps);
-  sample.angular_acceleration_radps2 =
-      std::hypot(now.yaw_radps - before.yaw_radps, now.pitch_radps - before.pitch_radps) / dt_s;
+  sample.angular_acceleration_radps2 = std::hypot(now.yaw_radps - before.yaw_radps,
+                                                  now.pitch_radps - before.pitch_radps) /
+                                       dt_s;
   return sample;
 }
 

@@ -30,9 +30,9 @@ bool breaks_limits(const MotionSample& sample, const CameraLimits& limits);
 inline constexpr double kAtLimit = 0.99;
 
 // The number of times that the camera turns back. At a reversal, the velocity is at more than 90 degrees to the
-// velocity of some frame at most kReversalWindowS before. Both are at least kReversalSpeedMps fast. Velocities are of the
-// world and over one frame. The frames before a reversal, and those before a jump, are not compared with later ones, so each
-// turn counts once. A camera that rests for longer than the window between two motions does not reverse.
+// velocity of some frame at most kReversalWindowS before. Both are at least kReversalSpeedMps fast. Velocities are of
+// the world and over one frame. The frames before a reversal, and those before a jump, are not compared with later
+// ones, so each turn counts once. A camera that rests for longer than the window between two motions does not reverse.
 inline constexpr double kReversalWindowS = 0.5;
 inline constexpr double kReversalSpeedMps = 0.2;
 size_t direction_reversals(std::span<const CameraFrame> frames);
@@ -44,8 +44,9 @@ struct GoalSample {
   glm::dvec3 targets_center_m{0.0};  // world; the targets' weighted centre
   bool jump = false;                 // as in CameraFrame
 };
-// Changes of mind. The goal jumps at a frame when it moves more than kGoalJumpM from the frame before, the motion of the targets'
-// centre taken off. Only pairs of neighbouring frames that both have a goal count, without a declared jump of the camera.
+// Changes of mind. The goal jumps at a frame when it moves more than kGoalJumpM from the frame before, the motion of
+// the targets' centre taken off. Only pairs of neighbouring frames that both have a goal count, without a declared jump
+// of the camera.
 inline constexpr double kGoalJumpM = 0.5;
 struct GoalMetrics {
   size_t jumps = 0;

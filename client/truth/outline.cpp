@@ -34,21 +34,24 @@ Cone cone_around(std::span<const Instance> instances, std::span<const uint32_t> 
 // The k-th of kOutlineRays directions on a spiral that covers the cone evenly.
 glm::dvec3 spiral_direction(const Cone& cone, const glm::dvec3& right, const glm::dvec3& up, int k) {
   const double along = 1 - (k + 0.5) / kOutlineRays * (1 - cone.cos_half);
-  const double out = std::sqrt(std::max(0.0, 1 - along * along)), turn_rad = k * std::numbers::pi * (3 - std::sqrt(5.0));
+  const double out = std::sqrt(std::max(0.0, 1 - along * along)),
+               turn_rad = k * std::numbers::pi * (3 - std::sqrt(5.0));
   return along * cone.axis + out * (std::cos(turn_rad) * right + std::sin(turn_rad) * up);
 }
 
 }  // namespace
 
-Outline measure_outline(const EmbreeScene& scene, std::span<const Instance> instances, std::span<const uint32_t> body_slots,
-                        const Pose& world_from_camera, const Lens& lens) {
+Outline measure_outline(const EmbreeScene& scene, std::span<const Instance> instances,
+                        std::span<const uint32_t> body_slots, const Pose& world_from_camera, const Lens& lens) {
   const glm::dvec3 eye_m = world_from_camera.position_m;
   const Cone cone = cone_around(instances, body_slots, eye_m);
-  const glm::dvec3 right = glm::normalize(glm::cross(cone.axis, std::abs(cone.axis.y) < 0.9 ? glm::dvec3(0, 1, 0) : glm::dvec3(1, 0, 0)));
+  const glm::dvec3 right = glm::normalize(
+      glm::cross(cone.axis, std::abs(cone.axis.y) < 0.9 ? glm::dvec3(0, 1, 0) : glm::dvec3(1, 0, 0)));
   const glm::dvec3 up = glm::cross(right, cone.axis);
   const double half_height = std::tan(lens.vertical_fov_rad / 2), half_width = half_height * lens.aspect;
   double reach_m = 0, low = INFINITY, high = -INFINITY;
-  for (const uint32_t slot : body_slots) reach_m = std::max(reach_m, 1.001 * (glm::distance(instances[slot].center_m, eye_m) + instances[slot].radius_m));
+  for (const uint32_t slot : body_slots)
+    reach_m = std::max(reach_m, 1.001 * (glm::distance(instances[slot].center_m, eye_m) + instances[slot].radius_m));
   const glm::dquat camera_from_world = glm::conjugate(world_from_camera.rotation);
   int hits = 0, inside = 0;
   for (int k = 0; k < kOutlineRays; ++k) {
@@ -57,7 +60,8 @@ Outline measure_outline(const EmbreeScene& scene, std::span<const Instance> inst
     for (const uint32_t slot : body_slots) {
       RayFilter alone;
       alone.only_slot = slot;
-      nearest_m = std::min(nearest_m, scene.trace(eye_m, glm::vec3(direction), 0.0f, static_cast<float>(reach_m), alone).distance_m);
+      nearest_m = std::min(
+          nearest_m, scene.trace(eye_m, glm::vec3(direction), 0.0f, static_cast<float>(reach_m), alone).distance_m);
     }
     if (!(nearest_m <= reach_m)) continue;
     ++hits;

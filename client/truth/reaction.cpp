@@ -52,9 +52,7 @@ class Reactions {
   glm::dvec3 relative_velocity(size_t j) const {
     const double dt_s = frames_[j].time_s - frames_[j - 1].time_s;
     if (!(dt_s > 0)) return glm::dvec3(0.0);
-    return (frames_[j].camera.position_m - centers_m_[j] - frames_[j - 1].camera.position_m +
-            centers_m_[j - 1]) /
-           dt_s;
+    return (frames_[j].camera.position_m - centers_m_[j] - frames_[j - 1].camera.position_m + centers_m_[j - 1]) / dt_s;
   }
 
   bool has_reacted(size_t onset, size_t k, size_t j) const {

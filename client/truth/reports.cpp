@@ -28,8 +28,7 @@ bool half_hidden(const PictureTruth& picture, std::span<const uint64_t> ids) {
 
 }  // namespace
 
-ReportMetrics judge_reports(std::span<const FrameTruth> truths,
-                            std::span<const std::vector<ReportedShare>> reports) {
+ReportMetrics judge_reports(std::span<const FrameTruth> truths, std::span<const std::vector<ReportedShare>> reports) {
   ReportMetrics metrics;
   for (size_t i = 0; i < truths.size(); ++i) {
     if (!truths[i].picture) continue;

@@ -24,8 +24,8 @@ std::vector<uint32_t> see_through_slots(const SceneMirror& mirror, const Target&
   return slots;
 }
 
-// The mirror slots of the target's own instance and of its parts, without those that are switched off. If all are switched off, the slot of
-// the own instance alone.
+// The mirror slots of the target's own instance and of its parts, without those that are switched off. If all are
+// switched off, the slot of the own instance alone.
 std::vector<uint32_t> body_slots(const SceneMirror& mirror, const Target& target) {
   const uint32_t own = *mirror.slot_of(target.instance_id);
   std::vector<uint32_t> slots = slots_of(mirror, target.part_ids);
@@ -48,16 +48,14 @@ std::array<glm::dvec3, 8> corners_in_camera(const Pose& world_from_camera, const
   for (int k = 0; k < 8; ++k) {
     const glm::dvec3 corner(k & 1 ? bounds.max.x : bounds.min.x, k & 2 ? bounds.max.y : bounds.min.y,
                             k & 4 ? bounds.max.z : bounds.min.z);
-    corners[k] =
-        inverse_transform_point(world_from_camera, transform_point(instance.world_from_instance, corner));
+    corners[k] = inverse_transform_point(world_from_camera, transform_point(instance.world_from_instance, corner));
   }
   return corners;
 }
 
-// The samples that an instance can cover: those that its bounding sphere and its bounding box both can cover. The box is tighter round
-// a standing person. A box that reaches behind the eye bounds nothing.
-PixelBox instance_pixels(const Pose& world_from_camera, const Lens& lens, const Instance& instance,
-                         int size) {
+// The samples that an instance can cover: those that its bounding sphere and its bounding box both can cover. The box
+// is tighter round a standing person. A box that reaches behind the eye bounds nothing.
+PixelBox instance_pixels(const Pose& world_from_camera, const Lens& lens, const Instance& instance, int size) {
   PixelBox box = sphere_pixels(world_from_camera, lens, instance.center_m, instance.radius_m, size, size);
   const double half_height = std::tan(lens.vertical_fov_rad / 2), half_width = half_height * lens.aspect;
   glm::dvec2 low(INFINITY), high(-INFINITY);
@@ -136,7 +134,8 @@ class TargetLook {
       if (box.x0 >= box.x1 || box.y0 >= box.y1) continue;
       const bool is_first = all.x0 >= all.x1;
       all = is_first ? box
-                     : PixelBox{std::min(all.x0, box.x0), std::min(all.y0, box.y0), std::max(all.x1, box.x1), std::max(all.y1, box.y1)};
+                     : PixelBox{std::min(all.x0, box.x0), std::min(all.y0, box.y0), std::max(all.x1, box.x1),
+                                std::max(all.y1, box.y1)};
     }
     return all;
   }
@@ -166,8 +165,8 @@ class TargetLook {
   bool own_is_drawn_ = true;
 };
 
-// The interval of tangents (coordinate / depth) that a circle at (coordinate, depth) covers, seen from the origin. False when the
-// origin is inside the circle or the circle reaches behind the eye: then nothing bounds it.
+// The interval of tangents (coordinate / depth) that a circle at (coordinate, depth) covers, seen from the origin.
+// False when the origin is inside the circle or the circle reaches behind the eye: then nothing bounds it.
 bool tangent_interval(double coordinate, double depth, double radius, double& low, double& high) {
   const double distance = std::hypot(coordinate, depth);
   if (distance <= radius) return false;
@@ -180,8 +179,7 @@ bool tangent_interval(double coordinate, double depth, double radius, double& lo
 }
 
 // [from, to) of `count` samples over tangents [-edge, edge].
-void sample_range(double coordinate, double depth, double radius, double edge, int count, int& from,
-                  int& to) {
+void sample_range(double coordinate, double depth, double radius, double edge, int count, int& from, int& to) {
   double low = -edge, high = edge;
   tangent_interval(coordinate, depth, radius, low, high);
   const auto sample = [&](double tangent) { return (std::clamp(tangent / edge, -1.0, 1.0) + 1) / 2 * count; };
@@ -194,12 +192,12 @@ void sample_range(double coordinate, double depth, double radius, double edge, i
 glm::dvec3 sample_direction(const Pose& world_from_camera, const Lens& lens, double x, double y, int columns,
                             int rows) {
   const double half_height = std::tan(lens.vertical_fov_rad / 2);
-  return world_from_camera.rotation * glm::dvec3((2 * x / columns - 1) * half_height * lens.aspect,
-                                                 (2 * y / rows - 1) * half_height, -1.0);
+  return world_from_camera.rotation *
+         glm::dvec3((2 * x / columns - 1) * half_height * lens.aspect, (2 * y / rows - 1) * half_height, -1.0);
 }
 
-PixelBox sphere_pixels(const Pose& world_from_camera, const Lens& lens, const glm::dvec3& center_m,
-                       double radius_m, int columns, int rows) {
+PixelBox sphere_pixels(const Pose& world_from_camera, const Lens& lens, const glm::dvec3& center_m, double radius_m,
+                       int columns, int rows) {
   const glm::dvec3 p = inverse_transform_point(world_from_camera, center_m);
   if (-p.z + radius_m <= 0) return {};
   const double half_height = std::tan(lens.vertical_fov_rad / 2);
@@ -209,27 +207,25 @@ PixelBox sphere_pixels(const Pose& world_from_camera, const Lens& lens, const gl
   return box.x0 < box.x1 && box.y0 < box.y1 ? box : PixelBox{};
 }
 
-PictureTruth measure_picture(const EmbreeScene& occluders, const SceneMirror& mirror,
-                             std::span<const Target> targets, const Pose& world_from_camera, const Lens& lens,
-                             int size) {
+PictureTruth measure_picture(const EmbreeScene& occluders, const SceneMirror& mirror, std::span<const Target> targets,
+                             const Pose& world_from_camera, const Lens& lens, int size) {
   const Eye eye{world_from_camera, lens, size};
   PictureTruth picture;
-  for (const Target& target : targets)
-    picture.targets.push_back(TargetLook(occluders, mirror, target, eye).take());
+  for (const Target& target : targets) picture.targets.push_back(TargetLook(occluders, mirror, target, eye).take());
   return picture;
 }
 
-void add_outlines(const EmbreeScene& occluders, const SceneMirror& mirror, std::span<const Target> targets, const Pose& world_from_camera,
-                  const Lens& lens, PictureTruth& picture) {
+void add_outlines(const EmbreeScene& occluders, const SceneMirror& mirror, std::span<const Target> targets,
+                  const Pose& world_from_camera, const Lens& lens, PictureTruth& picture) {
   for (size_t i = 0; i < targets.size(); ++i)
     if (picture.targets[i].alone_pixels > 0)
-      picture.targets[i].outline = measure_outline(occluders, mirror.instances(), body_slots(mirror, targets[i]), world_from_camera, lens);
+      picture.targets[i].outline = measure_outline(occluders, mirror.instances(), body_slots(mirror, targets[i]),
+                                                   world_from_camera, lens);
 }
 
 bool PictureTruth::fully_hidden() const {
-  return !targets.empty() && std::all_of(targets.begin(), targets.end(), [](const TargetTruth& target) {
-    return target.visible_pixels == 0;
-  });
+  return !targets.empty() && std::all_of(targets.begin(), targets.end(),
+                                         [](const TargetTruth& target) { return target.visible_pixels == 0; });
 }
 
 bool PictureTruth::partly_hidden(double tolerance) const {

@@ -68,8 +68,8 @@ class Turns {
   }
 
   std::optional<size_t> answer_to(size_t turn) const {
-    const glm::dvec3 change_mps =
-        center_velocity_mps(turn, turn + window()) - center_velocity_mps(turn - window(), turn);
+    const glm::dvec3 change_mps = center_velocity_mps(turn, turn + window()) -
+                                  center_velocity_mps(turn - window(), turn);
     const glm::dvec3 before_mps = camera_velocity_mps(turn - window(), turn);
     for (size_t j = turn; j <= turn + longest_ && j + half_ < frames_.size(); ++j) {
       const glm::dvec3 made_mps = camera_velocity_mps(j - half_, j + half_) - before_mps;

@@ -145,8 +145,7 @@ void Composer::count_points(const SampledPoints& sampled, const Asked& asked, Ti
   }
 }
 
-void count_sights(const CandidateSet& candidates, uint32_t steered, size_t target_count,
-                  SightCounts& counts) {
+void count_sights(const CandidateSet& candidates, uint32_t steered, size_t target_count, SightCounts& counts) {
   counts.total = static_cast<uint32_t>(candidates.size());
   // One part at a time, so that it stays in the L1 cache while everything is counted.
   const std::span<const uint32_t> visible = candidates.filtered();

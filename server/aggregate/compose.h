@@ -19,8 +19,9 @@ struct MapRange {
   uint32_t count = 0;
 };
 
-// The sampled points of all targets: maps_of_point[k] are the maps taken from point k, points_of_target[i] the points of target i. A
-// candidate sees a target when it sees at least the share `visibility_threshold`, [0, 1], of its points, and at least one point.
+// The sampled points of all targets: maps_of_point[k] are the maps taken from point k, points_of_target[i] the points
+// of target i. A candidate sees a target when it sees at least the share `visibility_threshold`, [0, 1], of its points,
+// and at least one point.
 struct SampledPoints {
   std::span<const DepthMap> maps;
   std::span<const MapRange> maps_of_point;
@@ -30,7 +31,8 @@ struct SampledPoints {
 
 bool is_enough(uint32_t seen, uint32_t points, double visibility_threshold);
 
-// For each position, the share of the targets that is hidden, [0, 1], by occluders that stay and by occluders that pass.
+// For each position, the share of the targets that is hidden, [0, 1], by occluders that stay and by occluders that
+// pass.
 struct HiddenShares {
   std::vector<double> by_staying, by_passing;
   void reset(size_t positions) { by_staying.assign(positions, 0.0), by_passing.assign(positions, 0.0); }
@@ -43,8 +45,8 @@ struct HiddenWeights {
   double weight = 1.0;  // factor of the shares that are added, >= 0
 };
 
-// Finds what many positions see. Each call looks up every position in every map once, O(positions * maps). Memory is kept from call to
-// call. Not thread-safe. At most 254 points a target.
+// Finds what many positions see. Each call looks up every position in every map once, O(positions * maps). Memory is
+// kept from call to call. Not thread-safe. At most 254 points a target.
 class Composer {
  public:
   // Sets the positions for the following calls. The memory behind the view must outlive them.
@@ -53,10 +55,11 @@ class Composer {
   // Sets visible[i] to the set of targets that position i sees.
   void visibility(const SampledPoints& sampled, double relative_bias, std::vector<uint32_t>& visible);
 
-  // Adds, for each position, weight * the mean over the targets (weighted by `of_target`) of the share of a target's points that is hidden
-  // from there. Adds nothing when all target weights are 0. A position outside all maps counts as hidden by occluders that stay. `hidden`
-  // has one entry a position.
-  void add_hidden(const SampledPoints& sampled, double relative_bias, const HiddenWeights& weights, HiddenShares& hidden);
+  // Adds, for each position, weight * the mean over the targets (weighted by `of_target`) of the share of a target's
+  // points that is hidden from there. Adds nothing when all target weights are 0. A position outside all maps counts as
+  // hidden by occluders that stay. `hidden` has one entry a position.
+  void add_hidden(const SampledPoints& sampled, double relative_bias, const HiddenWeights& weights,
+                  HiddenShares& hidden);
 
   // Does both of the above with one pass over the maps.
   void visibility_and_hidden(const SampledPoints& sampled, double relative_bias, const HiddenWeights& weights,

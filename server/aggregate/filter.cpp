@@ -4,7 +4,6 @@
 #include <bit>
 #include <cmath>
 
-
 namespace sightline {
 namespace {
 
@@ -35,8 +34,8 @@ JointState joint_state(std::span<const VisibilityRecord> records, uint32_t targe
   for (uint32_t t = targets; t != 0; t &= t - 1) rest &= records[std::countr_zero(t)].known;
   const int known = std::popcount(rest);
   JointState kept{0, known > 0};
-  // States are visited in the order of their last occurrence. Only a more frequent state replaces the best one, so the search ends when
-  // fewer steps are left than the best one has.
+  // States are visited in the order of their last occurrence. Only a more frequent state replaces the best one, so the
+  // search ends when fewer steps are left than the best one has.
   int most = 0;
   while (most < std::popcount(rest)) {
     const int newest = std::countr_zero(rest);

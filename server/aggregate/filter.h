@@ -1,13 +1,15 @@
-// Filters visibility over the last steps (paper 5, design 5). A passing fence post must not move the camera; a long occlusion must, and
-// soon. There are two filters over the same history:
-//   joint: the paper's, which exists only to reproduce the paper. A state is the set of targets seen at one step (for two targets N, P_A,
-//     P_B, V). The filter keeps a state that made up a share of at least alpha of the last n steps. Without such a state it keeps N,
-//     nothing seen.
-//   per target: the default. It filters each target by itself, with hysteresis and minimum times. Where A is visible in every step and B
+// Filters visibility over the last steps (paper 5, design 5). A passing fence post must not move the camera; a long
+// occlusion must, and soon. There are two filters over the same history:
+//   joint: the paper's, which exists only to reproduce the paper. A state is the set of targets seen at one step (for
+//   two targets N, P_A,
+//     P_B, V). The filter keeps a state that made up a share of at least alpha of the last n steps. Without such a
+//     state it keeps N, nothing seen.
+//   per target: the default. It filters each target by itself, with hysteresis and minimum times. Where A is visible in
+//   every step and B
 //     flickers, neither V nor P_A may reach alpha, so the joint filter says N; this filter keeps A.
 //
-// Both count known steps only. The paper's x_v / n becomes x_v / (known steps among the n), since the paper counts "all but out-of-bounds
-// configurations". So a candidate that has just come into the bound has the state that it has now.
+// Both count known steps only. The paper's x_v / n becomes x_v / (known steps among the n), since the paper counts "all
+// but out-of-bounds configurations". So a candidate that has just come into the bound has the state that it has now.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +27,8 @@ struct FilterSteps {
   int min_occlusion = 1;  // rounded up, in [1, 64]
   int hold = 0;           // rounded up, in [0, 64]
 
-  // How many steps back the filter looks. If all of them before the present step are unknown, the present step alone decides.
+  // How many steps back the filter looks. If all of them before the present step are unknown, the present step alone
+  // decides.
   int memory() const;
 };
 // dt_s >= 0, the length of the present step; 0 gives the largest numbers of steps.
@@ -35,10 +38,10 @@ struct JointState {
   uint32_t visible_targets = 0;
   bool known = false;  // false: no step is known for all of `targets`, and the state is N
 };
-// The paper's filter over the newest n steps; n = 0 is n = 1. Only targets in the mask `targets` are part of the state and of the result,
-// and a step counts if it is known for all of them. With alpha <= 0.5 several states can qualify: the most frequent is kept, of equally
-// frequent ones the one that occurred last. `records` has one entry a target. The cost grows with the number of different states, which
-// is at most min(n, 2^targets).
+// The paper's filter over the newest n steps; n = 0 is n = 1. Only targets in the mask `targets` are part of the state
+// and of the result, and a step counts if it is known for all of them. With alpha <= 0.5 several states can qualify:
+// the most frequent is kept, of equally frequent ones the one that occurred last. `records` has one entry a target. The
+// cost grows with the number of different states, which is at most min(n, 2^targets).
 JointState joint_state(std::span<const VisibilityRecord> records, uint32_t targets, int n, double alpha);
 
 struct VisibleShare {
@@ -55,9 +58,9 @@ struct TargetSwitch {
   uint64_t held_until_step = 0;
   bool visible = false;
 };
-// One step of the per-target filter; `step` counts steps. It switches on only when the target is seen now, and off only when it is hidden
-// now, so it never changes more often than its input. A step at which the target is unknown changes nothing. A second call in the same
-// step changes nothing.
+// One step of the per-target filter; `step` counts steps. It switches on only when the target is seen now, and off only
+// when it is hidden now, so it never changes more often than its input. A step at which the target is unknown changes
+// nothing. A second call in the same step changes nothing.
 void update(TargetSwitch& state, const VisibilityRecord& record, uint64_t step, const FilterSteps& steps,
             const FilterSettings& settings);
 

@@ -21,7 +21,9 @@ HiddenAhead::Passing HiddenAhead::passing(double dt_s) const {
 InlineVector<DueSlice, kSlices> HiddenAhead::due(double dt_s, size_t count) const {
   const Passing passed = passing(dt_s);
   // Slices that have passed come back at the end, never renewed.
-  const auto renewed = [&](size_t slice) { return slice + passed.count < kSlices ? at(slice + passed.count).renewed : 0; };
+  const auto renewed = [&](size_t slice) {
+    return slice + passed.count < kSlices ? at(slice + passed.count).renewed : 0;
+  };
   InlineVector<DueSlice, kSlices> due;
   for (size_t slice = 0; slice < kSlices; ++slice)
     due.push_back({slice, passed.next_s + kSliceS * static_cast<double>(slice)});

@@ -1,9 +1,10 @@
-// What pictures from each cell of the lattice are expected to lack at coming times. They lack the targets that are hidden, and, where targets have come
-// apart, those that do not fit the picture (picture_loss in move/sight_weight.h; move/picture_fit.h).
+// What pictures from each cell of the lattice are expected to lack at coming times. They lack the targets that are
+// hidden, and, where targets have come apart, those that do not fit the picture (picture_loss in move/sight_weight.h;
+// move/picture_fit.h).
 //
-// The coming second is divided into slices: instants that are kSliceS apart and fixed on the session's clock. Each step renews the few
-// slices whose estimates are oldest. A renewed estimate is mixed with the former one, so the noise of the maps averages out. The targets may go
-// several ways; each renewal takes one of them, so these average out too.
+// The coming second is divided into slices: instants that are kSliceS apart and fixed on the session's clock. Each step
+// renews the few slices whose estimates are oldest. A renewed estimate is mixed with the former one, so the noise of
+// the maps averages out. The targets may go several ways; each renewal takes one of them, so these average out too.
 #pragma once
 
 #include <array>
@@ -24,7 +25,8 @@ inline constexpr size_t kSlices = 12;
 using SharePart = uint8_t;
 inline constexpr SharePart kWholeShare = 254, kUnknownShare = 255;
 
-// A slice to renew. `slice` counts from the nearest one; `ahead_s` is its time from the step's present, in (0, kSlices * kSliceS].
+// A slice to renew. `slice` counts from the nearest one; `ahead_s` is its time from the step's present, in (0, kSlices
+// * kSliceS].
 struct DueSlice {
   size_t slice = 0;
   double ahead_s = 0.0;
@@ -33,13 +35,15 @@ struct DueSlice {
 // A value type. Memory is kept from step to step. Not thread-safe. Deterministic.
 class HiddenAhead {
  public:
-  // The slices that a step which takes `dt_s` >= 0 should renew, oldest estimate first; at most `count`. Changes nothing.
+  // The slices that a step which takes `dt_s` >= 0 should renew, oldest estimate first; at most `count`. Changes
+  // nothing.
   InlineVector<DueSlice, kSlices> due(double dt_s, size_t count) const;
 
-  // Goes on by `dt_s` and takes over the lattice's cells, which must have addresses. Slices that have passed become the last ones, and
-  // nothing is known of them. Nothing is known of cells that are new to the lattice.
+  // Goes on by `dt_s` and takes over the lattice's cells, which must have addresses. Slices that have passed become the
+  // last ones, and nothing is known of them. Nothing is known of cells that are new to the lattice.
   void advance(const Lattice& lattice, double dt_s);
-  // Mixes new shares, [0, 1], by cell of the lattice in its order, into a slice. The new share counts by `weight`, (0, 1], where a share is known.
+  // Mixes new shares, [0, 1], by cell of the lattice in its order, into a slice. The new share counts by `weight`, (0,
+  // 1], where a share is known.
   void renew(size_t slice, const Lattice& lattice, std::span<const float> shares, double weight);
   // Forgets everything, the clock included.
   void restart();
@@ -48,8 +52,8 @@ class HiddenAhead {
   double ahead_s(size_t slice) const { return next_s_ + kSliceS * static_cast<double>(slice); }
   // The expected shares by address of the lattice; kUnknownShare where nothing is known.
   std::span<const SharePart> shares(size_t slice) const { return at(slice).shares; }
-  // The share at an address in the slice that is nearest in time to `slice` among those that are known there. Of two that are equally near, the later
-  // one counts. kUnknownShare if none is known.
+  // The share at an address in the slice that is nearest in time to `slice` among those that are known there. Of two
+  // that are equally near, the later one counts. kUnknownShare if none is known.
   SharePart nearest_known(size_t slice, uint32_t address) const;
 
  private:

@@ -30,8 +30,7 @@ void VisibilityHistory::bring_up_to_date(uint32_t slot) {
   }
 }
 
-void VisibilityHistory::push(uint32_t slot, uint64_t owner, uint32_t visible_targets,
-                             uint32_t known_targets) {
+void VisibilityHistory::push(uint32_t slot, uint64_t owner, uint32_t visible_targets, uint32_t known_targets) {
   if (owner == 0 || owner != slots_[slot].owner) std::fill_n(row(slot), targets_, VisibilityRecord{});
   slots_[slot].owner = owner;
   bring_up_to_date(slot);

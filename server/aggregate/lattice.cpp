@@ -9,16 +9,20 @@ namespace {
 
 // Rounding makes the end of a row uncertain when it is this near to a lattice point, in spacings.
 constexpr double kDoubtful = 1e-5;
-// The same holds for rows whose half length is below this share of the radius, and this far from the world's origin, in spacings.
+// The same holds for rows whose half length is below this share of the radius, and this far from the world's origin, in
+// spacings.
 constexpr double kShortRow = 0.05, kFarOut = 1e7;
 
-// Spacings are powers of 2^(1/4). A ball may become this much too small or too large for its spacing, in such steps, before the spacing changes.
+// Spacings are powers of 2^(1/4). A ball may become this much too small or too large for its spacing, in such steps,
+// before the spacing changes.
 constexpr double kStepsPerOctave = 4.0, kHeldSteps = 0.25;
 // Rounding never takes a spacing that is a power itself to the next smaller one.
 constexpr double kOnTheStep = 1e-9;
 
 // The radius of a ball that has the volume of so many cells, in spacings.
-double radius_in_spacings(int candidates) { return std::cbrt(candidates * 3.0 / (4.0 * std::numbers::pi)); }
+double radius_in_spacings(int candidates) {
+  return std::cbrt(candidates * 3.0 / (4.0 * std::numbers::pi));
+}
 
 }  // namespace
 
@@ -69,7 +73,8 @@ void Lattice::lay(const Bound& bound, int candidates) {
   if (covers_) take_addresses();
 }
 
-// A row meets the ball in one run. The square root gives its ends; where rounding makes them uncertain, the points are tested.
+// A row meets the ball in one run. The square root gives its ends; where rounding makes them uncertain, the points are
+// tested.
 void Lattice::lay_row(const Bound& bound, int first, int last, int y, int z) {
   const auto contains = [&](int x) { return bound.contains(glm::dvec3(x, y, z) * spacing_m_); };
   const glm::dvec2 off = glm::dvec2(y, z) * spacing_m_ - glm::dvec2(bound.center_m.y, bound.center_m.z);
@@ -79,7 +84,8 @@ void Lattice::lay_row(const Bound& bound, int first, int last, int y, int z) {
   const double from = (bound.center_m.x - half_m) / spacing_m_, to = (bound.center_m.x + half_m) / spacing_m_;
   const double low = std::ceil(from - kDoubtful), high = std::floor(to + kDoubtful);
   const bool clear = half_squared > kShortRow * kShortRow * squared &&
-                     std::max(std::abs(from), std::abs(to)) < kFarOut && low - from > kDoubtful && to - high > kDoubtful;
+                     std::max(std::abs(from), std::abs(to)) < kFarOut && low - from > kDoubtful &&
+                     to - high > kDoubtful;
   if (clear) {
     first = static_cast<int>(low), last = static_cast<int>(high);
   } else {

@@ -1,6 +1,6 @@
-// The candidate lattice (design 4.2): a cubic lattice anchored to the world. Its points inside the bound are the candidates. A cell stays at
-// the same position while the camera moves, so what was learnt about it stays true. Cells are addressed toroidally (index modulo the
-// side), so nothing is copied when the bound moves.
+// The candidate lattice (design 4.2): a cubic lattice anchored to the world. Its points inside the bound are the
+// candidates. A cell stays at the same position while the camera moves, so what was learnt about it stays true. Cells
+// are addressed toroidally (index modulo the side), so nothing is copied when the bound moves.
 #pragma once
 
 #include <cstdint>
@@ -13,18 +13,20 @@
 
 namespace sightline {
 
-// The spacing for which a ball of `radius_m` holds about `candidates` lattice points. It is rounded down to a power of 2^(1/4), so that
-// small changes of the radius keep the lattice. The ball therefore holds up to 1.7 times as many points, and a few more or less at its
-// surface. `last_m` is the spacing of the step before in metres, or 0 without one. It is kept until the radius is 4 % beyond the radii that it is
-// for, so a radius that goes to and fro keeps its lattice.
+// The spacing for which a ball of `radius_m` holds about `candidates` lattice points. It is rounded down to a power of
+// 2^(1/4), so that small changes of the radius keep the lattice. The ball therefore holds up to 1.7 times as many
+// points, and a few more or less at its surface. `last_m` is the spacing of the step before in metres, or 0 without
+// one. It is kept until the radius is 4 % beyond the radii that it is for, so a radius that goes to and fro keeps its
+// lattice.
 double lattice_spacing_m(double radius_m, int candidates, double last_m = 0.0);
 
 class Lattice {
  public:
-  // Finds the runs of lattice points inside the bound, x fastest. A new spacing resets every cell. Data that is stored by cell needs
-  // addresses, which only `cover` assigns; after the first call of `cover`, `lay` assigns them too.
+  // Finds the runs of lattice points inside the bound, x fastest. A new spacing resets every cell. Data that is stored
+  // by cell needs addresses, which only `cover` assigns; after the first call of `cover`, `lay` assigns them too.
   void lay(const Bound& bound, int candidates);
-  // The same, and assigns an address to every cell. A cell that comes into the bound takes over the address of a cell that left.
+  // The same, and assigns an address to every cell. A cell that comes into the bound takes over the address of a cell
+  // that left.
   void cover(const Bound& bound, int candidates);
   // Forgets the spacing, so that the next bound alone decides it. Called when the camera is placed anew.
   void start_again() { spacing_m_ = 0.0; }
@@ -40,8 +42,8 @@ class Lattice {
   const std::vector<glm::dvec3>& positions_m() const;
   const std::vector<uint32_t>& addresses() const { return addresses_; }  // after `cover`
 
-  // A number that identifies the cell that has the address; no number is used twice. Data stored under the address belongs to another cell
-  // when its number differs. 0: no cell.
+  // A number that identifies the cell that has the address; no number is used twice. Data stored under the address
+  // belongs to another cell when its number differs. 0: no cell.
   uint64_t owner(uint32_t address) const { return cells_[address].owner; }
   // The address of the lattice point nearest to a position, or nothing when that point has no address.
   std::optional<uint32_t> address_near(const glm::dvec3& place_m) const;

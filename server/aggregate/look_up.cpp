@@ -19,7 +19,8 @@ Sight look_up(std::span<const DepthMap> maps, const glm::dvec3& point_m, double 
   for (const DepthMap& map : maps) {
     const MapPoint at = project(map.view, point_m);
     if (!at.in_window) continue;
-    const int x = nearest_ray(at.x, map.view.jitter.x, map.view.width), y = nearest_ray(at.y, map.view.jitter.y, map.view.height);
+    const int x = nearest_ray(at.x, map.view.jitter.x, map.view.width),
+              y = nearest_ray(at.y, map.view.jitter.y, map.view.height);
     Sight sight{.known = true};
     sight.visible = at.depth_m <= map.depth_at(x, y) * (1.0 + relative_bias);
     if (!sight.visible) sight.occluder = map.occluder_at(x, y);

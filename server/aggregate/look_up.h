@@ -1,11 +1,12 @@
-// Looks candidates up in depth maps: does a candidate see the point from which a map was taken? `look_up` answers for one candidate in
-// double precision, and `LookUp` for many at once with the same answers.
+// Looks candidates up in depth maps: does a candidate see the point from which a map was taken? `look_up` answers for
+// one candidate in double precision, and `LookUp` for many at once with the same answers.
 //
-// LookUp works in single precision, with one division for each candidate and map, and eight or sixteen candidates an instruction. Every
-// number has a bound of its rounding error. Where the error could change the answer, LookUp falls back to `look_up`. This happens to a few
-// candidates in 10,000: those about as near to another ray, and those close to the window's edge, to the eye's plane or to the texel's
-// depth. This is the floating-point filter of exact geometric predicates (Fortune & Van Wyk, "Static analysis yields efficient exact
-// integer arithmetic for computational geometry", 1996; Shewchuk, "Adaptive precision floating-point arithmetic", 1997).
+// LookUp works in single precision, with one division for each candidate and map, and eight or sixteen candidates an
+// instruction. Every number has a bound of its rounding error. Where the error could change the answer, LookUp falls
+// back to `look_up`. This happens to a few candidates in 10,000: those about as near to another ray, and those close to
+// the window's edge, to the eye's plane or to the texel's depth. This is the floating-point filter of exact geometric
+// predicates (Fortune & Van Wyk, "Static analysis yields efficient exact integer arithmetic for computational
+// geometry", 1996; Shewchuk, "Adaptive precision floating-point arithmetic", 1997).
 #pragma once
 
 #include <cstdint>
@@ -26,12 +27,12 @@ struct Sight {
   uint32_t occluder = kNoOccluder;  // mirror slot of the occluder when known and not visible
 };
 
-// Returns whether `point_m` sees the point from which the maps were taken: by the ray that passes nearest to `point_m` (see
-// sample/depth_map.h).
+// Returns whether `point_m` sees the point from which the maps were taken: by the ray that passes nearest to `point_m`
+// (see sample/depth_map.h).
 Sight look_up(std::span<const DepthMap> maps, const glm::dvec3& point_m, double relative_bias);
 
-// A tile of candidates and what they see. Keep this scratch memory of 13 KiB on the stack: a thread's stack is in the cache, where the
-// memory of one of many sessions is not.
+// A tile of candidates and what they see. Keep this scratch memory of 13 KiB on the stack: a thread's stack is in the
+// cache, where the memory of one of many sessions is not.
 struct SightTile {
   PlaceTile places;
   uint8_t sights[kTilePlaces + PlaceTile::kTilePad];
@@ -50,8 +51,8 @@ class LookUp {
   size_t size() const { return places_.size(); }
   size_t tile_count() const { return (size() + kTilePlaces - 1) / kTilePlaces; }
 
-  // Begins a new list of maps; relative_bias in [0, 0.1]. `passes` has an entry for each mirror slot: 1 for occluders that move and may
-  // soon be gone; empty: none. It must outlive the calls of `look`.
+  // Begins a new list of maps; relative_bias in [0, 0.1]. `passes` has an entry for each mirror slot: 1 for occluders
+  // that move and may soon be gone; empty: none. It must outlive the calls of `look`.
   void begin_maps(double relative_bias, std::span<const uint8_t> passes = {});
   // Makes room for all of these maps, so that adding some of them allocates only where these are more than ever before.
   void expect_maps(std::span<const DepthMap> maps);
@@ -59,8 +60,8 @@ class LookUp {
   size_t add_maps(std::span<const DepthMap> maps);
 
   void load_tile(size_t number, SightTile& tile) const;
-  // A PlaceSight for each candidate of the tile, by the maps [first_map, first_map + count) of one point. Valid until the tile is used
-  // again.
+  // A PlaceSight for each candidate of the tile, by the maps [first_map, first_map + count) of one point. Valid until
+  // the tile is used again.
   std::span<const uint8_t> look(size_t first_map, size_t count, SightTile& tile);
   // Returns whether the last call of `look` may have found a kPassingSight.
   bool any_passing() const { return any_passing_; }

@@ -34,8 +34,7 @@ void write_runs(const PlaceView& places, size_t run, size_t first, size_t end, c
   }
 }
 
-void write_singles(std::span<const glm::dvec3> singles_m, size_t at, const glm::dvec3& origin_m,
-                   PlaceTile& tile) {
+void write_singles(std::span<const glm::dvec3> singles_m, size_t at, const glm::dvec3& origin_m, PlaceTile& tile) {
   for (const glm::dvec3& place_m : singles_m) {
     const glm::dvec3 from_origin = place_m - origin_m;
     tile.x_m[at] = static_cast<float>(from_origin.x);
@@ -122,10 +121,8 @@ void fill_tile(const PlaceView& places, size_t first, const glm::dvec3& origin_m
   if (first < end_in_runs) write_runs(places, places.run_of(first), first, end_in_runs, origin_m, tile);
   const size_t next = std::max(first, end_in_runs);
   if (next < end)
-    write_singles(places.singles_m().subspan(next - places.in_runs(), end - next), next - first, origin_m,
-                  tile);
-  for (float* const axis : {tile.x_m, tile.y_m, tile.z_m})
-    std::fill_n(axis + tile.count, PlaceTile::kTilePad, 0.0f);
+    write_singles(places.singles_m().subspan(next - places.in_runs(), end - next), next - first, origin_m, tile);
+  for (float* const axis : {tile.x_m, tile.y_m, tile.z_m}) std::fill_n(axis + tile.count, PlaceTile::kTilePad, 0.0f);
 }
 
 }  // namespace sightline

@@ -1,5 +1,6 @@
-// The positions of the candidates of a step. Most are lattice points in runs along x, of which only the first point is stored; single
-// positions follow them. The positions of a run are computed where they are needed, always with the same bits.
+// The positions of the candidates of a step. Most are lattice points in runs along x, of which only the first point is
+// stored; single positions follow them. The positions of a run are computed where they are needed, always with the same
+// bits.
 #pragma once
 
 #include <cstddef>
@@ -23,8 +24,7 @@ class PlaceView {
   PlaceView(std::span<const glm::dvec3> singles_m) : singles_m_(singles_m) {}
   PlaceView(const std::vector<glm::dvec3>& singles_m) : singles_m_(singles_m) {}
   // `in_runs`: total number of positions in the runs.
-  PlaceView(double spacing_m, std::span<const PlaceRun> runs, size_t in_runs,
-            std::span<const glm::dvec3> singles_m)
+  PlaceView(double spacing_m, std::span<const PlaceRun> runs, size_t in_runs, std::span<const glm::dvec3> singles_m)
       : spacing_m_(spacing_m), runs_(runs), in_runs_(in_runs), singles_m_(singles_m) {}
 
   size_t size() const { return in_runs_ + singles_m_.size(); }
@@ -90,7 +90,8 @@ class PlaceList {
 // Computes all positions, for callers that read them many times.
 void list_places(const PlaceView& places, std::vector<glm::dvec3>& position_m);
 
-// The least axis-aligned box that contains all positions, and the radius of a ball round its middle that does. All 0 without positions.
+// The least axis-aligned box that contains all positions, and the radius of a ball round its middle that does. All 0
+// without positions.
 struct PlaceExtent {
   glm::dvec3 middle_m{0.0}, reach_m{0.0};  // middle +- reach
   double radius_m = 0.0;

@@ -36,7 +36,8 @@ void ShareWindow::drop_old(Track& track) const {
   while (track.kept > 0 && time_s_ - track.newest(track.kept - 1).time_s >= kShareWindowS) --track.kept;
 }
 
-// The usual test whether two samples have different proportions. One seen and one hidden point are added, so that the variance is never 0.
+// The usual test whether two samples have different proportions. One seen and one hidden point are added, so that the
+// variance is never 0.
 bool ShareWindow::has_changed(const Track& track) const {
   double seen[2] = {}, points[2] = {};
   for (size_t back = 0; back < track.kept; ++back) {

@@ -45,15 +45,13 @@ void TemporalVolume::follow(std::span<const uint64_t> target_ids) {
 void TemporalVolume::push(uint32_t slot, uint64_t owner, uint32_t visible_targets) {
   history_.push(slot, owner, visible_targets);
   const auto records = history_.records(slot);
-  for (size_t i = 0; i < records.size(); ++i)
-    update(switches(slot)[i], records[i], history_.step(), steps_, settings_);
+  for (size_t i = 0; i < records.size(); ++i) update(switches(slot)[i], records[i], history_.step(), steps_, settings_);
 }
 
 void TemporalVolume::push(const Lattice& lattice, std::span<const uint32_t> visible_targets) {
   const auto& addresses = lattice.addresses();
   assert(addresses.size() == visible_targets.size());
-  for (size_t i = 0; i < addresses.size(); ++i)
-    push(addresses[i], lattice.owner(addresses[i]), visible_targets[i]);
+  for (size_t i = 0; i < addresses.size(); ++i) push(addresses[i], lattice.owner(addresses[i]), visible_targets[i]);
 }
 
 void TemporalVolume::push_place(size_t place, const Lattice& lattice, const glm::dvec3& place_m,
@@ -83,8 +81,8 @@ uint32_t TemporalVolume::filtered(uint32_t slot, uint32_t steered) {
   return (now & ~steered) | joint_state(records, steered, settings_.n, settings_.alpha).visible_targets;
 }
 
-void TemporalVolume::filter(std::span<const uint32_t> slots, std::span<const uint32_t> visible_now,
-                            uint32_t steered, std::vector<uint32_t>& visible_targets) {
+void TemporalVolume::filter(std::span<const uint32_t> slots, std::span<const uint32_t> visible_now, uint32_t steered,
+                            std::vector<uint32_t>& visible_targets) {
   assert(slots.size() == visible_now.size());
   const auto all = static_cast<uint32_t>(newest_steps(static_cast<int>(history_.target_count())));
   visible_targets.assign(visible_now.begin(), visible_now.end());

@@ -1,13 +1,13 @@
-// The temporal visibility volume (paper 5): the visibility history of every candidate, and what the filter makes of it. A volume
-// belongs to one lattice. In each step in which time passes, after `Lattice::cover`:
+// The temporal visibility volume (paper 5): the visibility history of every candidate, and what the filter makes of it.
+// A volume belongs to one lattice. In each step in which time passes, after `Lattice::cover`:
 //
 //   volume.begin_step(lattice, singles, target_ids, settings, dt_s);
 //   volume.push(lattice, visible_targets);           // what the covered cells see now
 //   volume.push_place(k, lattice, place, visible);   // candidates off the lattice, k in [0, singles)
 //   volume.filter(slots, visible_now, steered, out); // slots: lattice.addresses(), volume.place_slot(k), ...
 //
-// A cell that leaves the bound and comes back keeps its history; the steps between are unknown. A cell that lost its address to another
-// cell meanwhile has no history, and no cell has one after the lattice has changed its spacing.
+// A cell that leaves the bound and comes back keeps its history; the steps between are unknown. A cell that lost its
+// address to another cell meanwhile has no history, and no cell has one after the lattice has changed its spacing.
 #pragma once
 
 #include <cstdint>
@@ -26,25 +26,25 @@ class TemporalVolume {
   // The slot of a candidate without a history: the filter returns what it sees now.
   static constexpr uint32_t kNoSlot = UINT32_MAX;
 
-  // Begins a step with `singles` candidates off the lattice. Targets are known by id: a target that was there before keeps its
-  // history, wherever it is in the list. At most kMaxTargets ids, no id twice. Settings may change from step to step, the mode
-  // too.
+  // Begins a step with `singles` candidates off the lattice. Targets are known by id: a target that was there before
+  // keeps its history, wherever it is in the list. At most kMaxTargets ids, no id twice. Settings may change from step
+  // to step, the mode too.
   void begin_step(const Lattice& lattice, size_t singles, std::span<const uint64_t> target_ids,
                   const FilterSettings& settings, double dt_s);
 
   // Stores what every covered cell sees; parallel to lattice.addresses().
   void push(const Lattice& lattice, std::span<const uint32_t> visible_targets);
 
-  // Stores what a candidate off the lattice sees, which may move from step to step. It keeps its history while it stays nearest to the
-  // same lattice point. When it comes nearest to another point it takes over that point's history, or has none where the point has none.
-  // Call after `push`.
+  // Stores what a candidate off the lattice sees, which may move from step to step. It keeps its history while it stays
+  // nearest to the same lattice point. When it comes nearest to another point it takes over that point's history, or
+  // has none where the point has none. Call after `push`.
   void push_place(size_t place, const Lattice& lattice, const glm::dvec3& place_m, uint32_t visible_targets);
   uint32_t place_slot(size_t place) const { return static_cast<uint32_t>(lattice_slots_ + place); }
 
-  // Sets visible_targets[i] to the targets that the filter takes as seen from candidate i. The candidate has slot slots[i] and sees
-  // visible_now[i] in this step; kNoSlot and repeated slots are allowed. Targets outside the mask `steered` form no part of the joint state; in
-  // joint mode they are as visible_now says. O(candidates * targets), however long the window; the joint mode with many targets costs
-  // more, see joint_state.
+  // Sets visible_targets[i] to the targets that the filter takes as seen from candidate i. The candidate has slot
+  // slots[i] and sees visible_now[i] in this step; kNoSlot and repeated slots are allowed. Targets outside the mask
+  // `steered` form no part of the joint state; in joint mode they are as visible_now says. O(candidates * targets),
+  // however long the window; the joint mode with many targets costs more, see joint_state.
   void filter(std::span<const uint32_t> slots, std::span<const uint32_t> visible_now, uint32_t steered,
               std::vector<uint32_t>& visible_targets);
 

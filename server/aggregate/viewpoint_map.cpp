@@ -9,13 +9,14 @@
 namespace sightline {
 namespace {
 
-// From level to almost overhead, so that the camera can look over heads, hedges and pillars, and down between obstacles. The camera's
-// greatest elevation is 1.4 by default.
+// From level to almost overhead, so that the camera can look over heads, hedges and pillars, and down between
+// obstacles. The camera's greatest elevation is 1.4 by default.
 constexpr std::array<double, ViewpointMap::kElevations> kElevationsRad = {0.05, 0.3, 0.55, 0.85, 1.15, 1.37};
 constexpr std::array<double, ViewpointMap::kDistances> kDistanceShares = {0.4, 0.7, 1.0, ViewpointMap::kFarthestShare};
 
 size_t place_at(size_t azimuth, size_t elevation, size_t distance) {
-  return (azimuth % ViewpointMap::kAzimuths * ViewpointMap::kElevations + elevation) * ViewpointMap::kDistances + distance;
+  return (azimuth % ViewpointMap::kAzimuths * ViewpointMap::kElevations + elevation) * ViewpointMap::kDistances +
+         distance;
 }
 
 }  // namespace
@@ -65,7 +66,7 @@ size_t ViewpointMap::nearest_viewpoint(const glm::dvec3& offset_m) const {
 }
 
 void ViewpointMap::learn(size_t target, std::span<const DepthMap> maps, const glm::dvec3& center_m,
-                   double relative_bias, double since_s, double memory_s) {
+                         double relative_bias, double since_s, double memory_s) {
   const auto newest = static_cast<float>(-std::expm1(-since_s / memory_s));
   known_s_[target] += since_s;
   places_m_.resize(kViewpoints);

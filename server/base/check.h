@@ -8,8 +8,8 @@
 
 namespace sightline {
 
-// Fails with "must be in [low, high], got value" unless the value lies in the interval (NaN fails). An end with '[' or ']' is
-// part of the interval, one with '(' or ')' is not.
+// Fails with "must be in [low, high], got value" unless the value lies in the interval (NaN fails). An end with '[' or
+// ']' is part of the interval, one with '(' or ')' is not.
 Status check_interval(const char* field, double value, char opening, double low, double high, char closing);
 // The same for a value that may also be 0: "must be 0 or in [low, high], got value".
 Status check_zero_or(const char* field, double value, char opening, double low, double high, char closing);

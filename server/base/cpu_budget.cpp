@@ -16,8 +16,10 @@ std::optional<double> cgroup_cpu_quota(const std::string& root, std::string grou
   const auto consider = [&](const std::optional<double>& quota) {
     if (quota && (!tightest || *quota < *tightest)) tightest = quota;
   };
-  visit_control_groups(root, std::move(group), "cpu.max", [&](const std::string& text) { consider(parse_cpu_max(text)); });
-  consider(parse_cpu_max(text_of_file(root + "/cpu/cpu.cfs_quota_us") + " " + text_of_file(root + "/cpu/cpu.cfs_period_us")));
+  visit_control_groups(root, std::move(group), "cpu.max",
+                       [&](const std::string& text) { consider(parse_cpu_max(text)); });
+  consider(parse_cpu_max(text_of_file(root + "/cpu/cpu.cfs_quota_us") + " " +
+                         text_of_file(root + "/cpu/cpu.cfs_period_us")));
   return tightest;
 }
 

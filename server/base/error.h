@@ -10,7 +10,8 @@
 
 namespace sightline {
 
-// The meaning follows the gRPC status of the same name; kUnsupported is UNIMPLEMENTED. The `wire` stage maps one to the other.
+// The meaning follows the gRPC status of the same name; kUnsupported is UNIMPLEMENTED. The `wire` stage maps one to the
+// other.
 enum class ErrorCode {
   kInvalidArgument,     // the value is invalid in any state
   kNotFound,            // a name or id that does not exist
@@ -25,8 +26,8 @@ enum class ErrorCode {
 
 std::string_view to_string(ErrorCode code);
 
-// `field` is a path in the sender's data, e.g. "tick.transforms.rotations[7]" or "meshes[2].primitives[0].indices"; empty when no
-// single field is at fault. `message` is for people.
+// `field` is a path in the sender's data, e.g. "tick.transforms.rotations[7]" or "meshes[2].primitives[0].indices";
+// empty when no single field is at fault. `message` is for people.
 struct Error {
   ErrorCode code = ErrorCode::kInternal;
   std::string field;

@@ -10,8 +10,8 @@
 //   FieldWriter<MyFields>{out}(motion);
 //   FieldReader<MyFields> in(bytes);  in(motion);  if (in.failed()) ...
 //
-// Numbers are stored as they are in memory (little-endian), lists with their length. Bytes may come from anywhere: a reader allocates no
-// more than a small multiple of their size, and refuses numbers that are not finite.
+// Numbers are stored as they are in memory (little-endian), lists with their length. Bytes may come from anywhere: a
+// reader allocates no more than a small multiple of their size, and refuses numbers that are not finite.
 #pragma once
 
 #include <array>
@@ -45,9 +45,10 @@ concept Number = std::is_arithmetic_v<T> || std::is_enum_v<T>;
 template <typename T>
 concept Components = requires(const T& t) {
   typename T::value_type;
-  { T::length() };
+  {T::length()};
   { t[0] } -> std::convertible_to<typename T::value_type>;
-} && std::is_trivially_copyable_v<T>;
+}
+&&std::is_trivially_copyable_v<T>;
 
 template <typename T>
 inline constexpr bool kIsVector = false;

@@ -33,8 +33,12 @@ MemoryBudgets memory_budgets(std::optional<uint64_t> limit_bytes) {
   if (!limit_bytes) return usual;
   const size_t limit = *limit_bytes >> 20;
   if (limit >= kMemoryBesideBudgets + usual.sum()) return usual;
-  const double part = limit > kMemoryBesideBudgets ? static_cast<double>(limit - kMemoryBesideBudgets) / static_cast<double>(usual.sum()) : 0.0;
-  const auto of = [part](size_t mib, size_t least) { return std::max(least, static_cast<size_t>(static_cast<double>(mib) * part)); };
+  const double part = limit > kMemoryBesideBudgets
+                          ? static_cast<double>(limit - kMemoryBesideBudgets) / static_cast<double>(usual.sum())
+                          : 0.0;
+  const auto of = [part](size_t mib, size_t least) {
+    return std::max(least, static_cast<size_t>(static_cast<double>(mib) * part));
+  };
   MemoryBudgets budgets;
   budgets.geometry = of(usual.geometry, 8);
   budgets.sessions = of(usual.sessions, 8);

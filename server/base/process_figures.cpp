@@ -14,7 +14,8 @@
 namespace sightline {
 namespace {
 
-// The fields of /proc/self/stat behind the name of the program, which may itself hold spaces. The first is field 3 of proc(5).
+// The fields of /proc/self/stat behind the name of the program, which may itself hold spaces. The first is field 3 of
+// proc(5).
 std::vector<std::string> stat_fields() {
   std::ifstream file("/proc/self/stat");
   std::string line;
@@ -49,7 +50,8 @@ double boot_s() {
 uint64_t open_descriptors() {
   std::error_code error;
   uint64_t count = 0;
-  for (std::filesystem::directory_iterator at("/proc/self/fd", error), end; !error && at != end; at.increment(error)) ++count;
+  for (std::filesystem::directory_iterator at("/proc/self/fd", error), end; !error && at != end; at.increment(error))
+    ++count;
   return count > 0 ? count - 1 : 0;  // without the one that lists them
 }
 

@@ -15,8 +15,7 @@ std::array<uint32_t, 4> philox4x32(std::array<uint32_t, 4> c, std::array<uint32_
 }
 
 CounterRandom::CounterRandom(uint64_t seed, uint64_t tick, RandomPurpose purpose)
-    : counter_{0, static_cast<uint32_t>(purpose), static_cast<uint32_t>(tick),
-               static_cast<uint32_t>(tick >> 32)},
+    : counter_{0, static_cast<uint32_t>(purpose), static_cast<uint32_t>(tick), static_cast<uint32_t>(tick >> 32)},
       key_{static_cast<uint32_t>(seed), static_cast<uint32_t>(seed >> 32)} {}
 
 uint32_t CounterRandom::next_u32() {

@@ -8,7 +8,8 @@
 
 namespace sightline {
 
-// The purpose of a stream of numbers; two purposes never share numbers. Replays depend on the values: append, never renumber.
+// The purpose of a stream of numbers; two purposes never share numbers. Replays depend on the values: append, never
+// renumber.
 enum class RandomPurpose : uint32_t {
   kTexelJitter = 1,
   kExtentPoints = 2,

@@ -24,7 +24,8 @@ void pause() {
 #endif
 }
 
-// Spins until `condition` holds; false when it does not within kSpin. Most waits are shorter than going to sleep and waking up.
+// Spins until `condition` holds; false when it does not within kSpin. Most waits are shorter than going to sleep and
+// waking up.
 template <typename Condition>
 bool spin_until(Condition condition) {
   const auto end = std::chrono::steady_clock::now() + kSpin;

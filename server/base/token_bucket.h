@@ -11,8 +11,8 @@ class TokenBucket {
   // `burst` events at once, `per_s` each second in the long run.
   TokenBucket(double burst, double per_s) : burst_(burst), per_s_(per_s), left_(burst) {}
 
-  // True when one more event may pass now, or one that counts as `events`. Negative `events` make room for later ones. `now_s` is a monotonic
-  // time in seconds.
+  // True when one more event may pass now, or one that counts as `events`. Negative `events` make room for later ones.
+  // `now_s` is a monotonic time in seconds.
   bool take(double now_s, double events = 1.0) {
     left_ = std::min(burst_, left_ + (now_s - last_s_) * per_s_);
     last_s_ = now_s;

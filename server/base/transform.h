@@ -46,9 +46,10 @@ inline glm::dvec3 inverse_transform_point(const Pose& pose, const glm::dvec3& p)
   return glm::conjugate(pose.rotation) * (p - pose.position_m);
 }
 
-// The rotation world_from_camera of a camera that looks along unit `forward` with `up_hint` upwards in the picture. When the two are
-// (nearly) parallel the picture's right-hand side stays as close as possible to `right_hint`, so looking straight up or
-// down is defined and continuous. All inputs non-zero; the result never rolls unless forward is parallel to up.
+// The rotation world_from_camera of a camera that looks along unit `forward` with `up_hint` upwards in the picture.
+// When the two are (nearly) parallel the picture's right-hand side stays as close as possible to `right_hint`, so
+// looking straight up or down is defined and continuous. All inputs non-zero; the result never rolls unless forward is
+// parallel to up.
 glm::dquat look_rotation(const glm::dvec3& forward, const glm::dvec3& up_hint, const glm::dvec3& right_hint);
 
 // True when every component is finite.

@@ -11,8 +11,10 @@
 // Both must give the same answers.
 #pragma once
 
-// The clone is chosen before the sanitizers are set up, and they would instrument the choice. Clang 14, which fuzzes, lacks both.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+// The clone is chosen before the sanitizers are set up, and they would instrument the choice. Clang 14, which fuzzes,
+// lacks both.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && \
+    !defined(__SANITIZE_THREAD__)
 #define SIGHTLINE_VECTOR_CLONES __attribute__((target_clones("arch=x86-64-v4", "avx2", "default")))
 #else
 #define SIGHTLINE_VECTOR_CLONES

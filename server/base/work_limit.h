@@ -1,5 +1,5 @@
-// The end of long work, such as reading a file: nobody wants its result any more, or it has taken too much processor time. Time in which the
-// thread does not run does not count, so a busy machine ends nothing.
+// The end of long work, such as reading a file: nobody wants its result any more, or it has taken too much processor
+// time. Time in which the thread does not run does not count, so a busy machine ends nothing.
 #pragma once
 
 #include <atomic>
@@ -23,14 +23,15 @@ class WorkLimit {
  public:
   struct Rules {
     ThreadClock clock = thread_cpu_ns;
-    int64_t most_ns = 0;      // of all threads together; 0: any
+    int64_t most_ns = 0;       // of all threads together; 0: any
     std::string refusal = {};  // the message of the error when it is used up; names the flag
   };
   // `unwanted` is asked from the threads of the work, and must return at once.
-  explicit WorkLimit(Rules rules, std::function<bool()> unwanted = {}) : rules_(std::move(rules)), unwanted_(std::move(unwanted)) {}
+  explicit WorkLimit(Rules rules, std::function<bool()> unwanted = {})
+      : rules_(std::move(rules)), unwanted_(std::move(unwanted)) {}
 
-  // The part of one thread, used by it alone. It looks at the clock only once in kUnits, since that is a call of the system. Parts of a thread
-  // may be nested; their time counts once.
+  // The part of one thread, used by it alone. It looks at the clock only once in kUnits, since that is a call of the
+  // system. Parts of a thread may be nested; their time counts once.
   class Part {
    public:
     // Null: nothing ends the work.
@@ -39,7 +40,8 @@ class WorkLimit {
     Part(const Part&) = delete;
     Part& operator=(const Part&) = delete;
 
-    // True when the work has to end: from then on always, and for all threads. Call it for every few units of work; a unit takes up to a microsecond.
+    // True when the work has to end: from then on always, and for all threads. Call it for every few units of work; a
+    // unit takes up to a microsecond.
     bool ends(uint64_t units = 1) {
       if (!limit_) return false;
       if ((units_ += units) >= kUnits) look();

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 
-
 namespace sightline {
 namespace {
 
-// The least radius. Frusta round a smaller ball are badly conditioned, and a camera that can hardly move still needs candidates.
+// The least radius. Frusta round a smaller ball are badly conditioned, and a camera that can hardly move still needs
+// candidates.
 constexpr double kMinRadiusM = 0.05;
 
 }  // namespace
@@ -18,7 +18,8 @@ Bound bound_camera(const CameraState& camera, const CameraLimits& limits, const 
   Bound bound;
   bound.horizon_s = paper ? dt_s : horizon_s;
   if (paper) {
-    // An escape in paper mode multiplies the radius as the horizon grows (paper 3.1: "n can be dynamically controlled").
+    // An escape in paper mode multiplies the radius as the horizon grows (paper 3.1: "n can be dynamically
+    // controlled").
     const double growth = horizon_s / settings.horizon_s;
     bound.radius_m = settings.paper_n * growth * dt_s * dt_s * a;
   } else {
@@ -36,8 +37,7 @@ Bound bound_camera(const CameraState& camera, const CameraLimits& limits, const 
 
 Bound extend_towards(const Bound& bound, const glm::dvec3& point_m, double target_reach_m, double nearest_m) {
   const glm::dvec3 out = bound.center_m - point_m;
-  const double middle = glm::length(out),
-               near_side = std::max(nearest_m, middle - bound.radius_m - target_reach_m),
+  const double middle = glm::length(out), near_side = std::max(nearest_m, middle - bound.radius_m - target_reach_m),
                far_side = middle + bound.radius_m;
   if (near_side >= middle - bound.radius_m) return bound;
   Bound extended = bound;

@@ -91,12 +91,15 @@ Status AccessList::read_line(std::string_view line, int number) {
   std::string kind, name, role_name, secret, more;
   words >> kind >> name >> role_name >> secret >> more;
   if (kind.empty()) return {};
-  if (kind != kToken && kind != kCertificate && kind != kUser) return invalid(kField, "must begin with token, certificate or user");
+  if (kind != kToken && kind != kCertificate && kind != kUser)
+    return invalid(kField, "must begin with token, certificate or user");
   const auto role = role_from(role_name);
   if (!role) return invalid(kField, "the third word must be control, observe or admin");
   if (!printable(name)) return invalid(kField, "the name may have printable ASCII characters only");
   const bool words_fit = kind == kToken ? !secret.empty() && more.empty() : secret.empty();
-  if (!words_fit) return invalid(kField, kind == kToken ? "a token needs a name, a role and one secret" : "nothing may follow the role");
+  if (!words_fit)
+    return invalid(kField,
+                   kind == kToken ? "a token needs a name, a role and one secret" : "nothing may follow the role");
   if (kind == kToken) return add_token(name, *role, secret, number);
   auto key = kind == kUser ? user_id(name) : std::optional(name);
   if (!key) return invalid(kField, "this machine has no user \"" + name + "\"");
@@ -113,7 +116,8 @@ Status AccessList::add_token(const std::string& name, Role role, const std::stri
     if (hex.size() != 2 * token.digest.size()) return invalid(kField, "sha256: needs 64 hexadecimal digits");
     for (size_t i = 0; i < token.digest.size(); ++i) {
       const auto [end, error] = std::from_chars(hex.data() + 2 * i, hex.data() + 2 * i + 2, token.digest[i], 16);
-      if (error != std::errc() || end != hex.data() + 2 * i + 2) return invalid(kField, "sha256: needs 64 hexadecimal digits");
+      if (error != std::errc() || end != hex.data() + 2 * i + 2)
+        return invalid(kField, "sha256: needs 64 hexadecimal digits");
     }
   } else {
     if (secret.size() < kShortestSecret || secret.size() > kLongestSecret || !printable(secret))
@@ -125,7 +129,8 @@ Status AccessList::add_token(const std::string& name, Role role, const std::stri
   }
   // Whose call it is, and with which role, could not be said.
   for (const Token& known : tokens_)
-    if (known.digest == token.digest) return invalid(kField, "the secret is there twice" + first_in(known.line) + ", for \"" + known.name + '"');
+    if (known.digest == token.digest)
+      return invalid(kField, "the secret is there twice" + first_in(known.line) + ", for \"" + known.name + '"');
   tokens_.push_back(std::move(token));
   return {};
 }
@@ -143,8 +148,8 @@ std::optional<AccessList::Digest> AccessList::digest_of(std::string_view secret)
   return digest;
 }
 
-// All tokens are compared, each in constant time. What is compared are digests, so that even the place of a difference would
-// say nothing about the secret.
+// All tokens are compared, each in constant time. What is compared are digests, so that even the place of a difference
+// would say nothing about the secret.
 std::optional<Caller> AccessList::find_token(std::string_view token) const {
   if (token.size() > kLongestSecret) return std::nullopt;
   const auto digest = digest_of(token);
@@ -169,7 +174,8 @@ std::optional<Caller> AccessList::find_user(unsigned id) const {
 }
 
 std::optional<Role> AccessList::role_of(std::string_view caller) const {
-  if (caller.starts_with(kCertificateName)) return role_in(certificates_, std::string(caller.substr(kCertificateName.size())));
+  if (caller.starts_with(kCertificateName))
+    return role_in(certificates_, std::string(caller.substr(kCertificateName.size())));
   if (caller.starts_with(kUserName)) return role_in(users_, std::string(caller.substr(kUserName.size())));
   for (const Token& token : tokens_)
     if (caller.starts_with(kTokenName) && caller.substr(kTokenName.size()) == token.name) return token.role;
@@ -217,7 +223,8 @@ std::shared_ptr<const AccessList> Access::list() const {
   return list_;
 }
 
-tl::expected<Caller, Refusal> Access::identify(const Peer& peer, std::optional<std::string_view> token, Need need) const {
+tl::expected<Caller, Refusal> Access::identify(const Peer& peer, std::optional<std::string_view> token,
+                                               Need need) const {
   auto caller = find(peer, token);
   if (caller && !caller->may(need))
     caller = tl::unexpected(Refusal{true, caller->name + " has not the role that this call needs: " +
@@ -228,7 +235,9 @@ tl::expected<Caller, Refusal> Access::identify(const Peer& peer, std::optional<s
 
 tl::expected<Caller, Refusal> Access::find(const Peer& peer, std::optional<std::string_view> token) const {
   const auto known = list();
-  if (!known) return Caller{peer.certificate.empty() ? peer.client : std::string(kCertificateName) + peer.certificate, std::nullopt};
+  if (!known)
+    return Caller{peer.certificate.empty() ? peer.client : std::string(kCertificateName) + peer.certificate,
+                  std::nullopt};
   if (token) {
     if (!peer.confidential) return tl::unexpected(Refusal{false, "a token is accepted only over TLS or a unix socket"});
     if (auto caller = known->find_token(*token)) return *caller;
@@ -236,11 +245,13 @@ tl::expected<Caller, Refusal> Access::find(const Peer& peer, std::optional<std::
   }
   if (!peer.certificate.empty()) {
     if (auto caller = known->find_certificate(peer.certificate)) return *caller;
-    return tl::unexpected(Refusal{false, "the certificate of " + peer.certificate + " is not in the access file, and no token was sent"});
+    return tl::unexpected(
+        Refusal{false, "the certificate of " + peer.certificate + " is not in the access file, and no token was sent"});
   }
   if (peer.user) {
     if (auto caller = known->find_user(*peer.user)) return *caller;
-    return tl::unexpected(Refusal{false, "the user " + std::to_string(*peer.user) + " is not in the access file, and no token was sent"});
+    return tl::unexpected(
+        Refusal{false, "the user " + std::to_string(*peer.user) + " is not in the access file, and no token was sent"});
   }
   return tl::unexpected(Refusal{false, "a token is needed, in the metadata `authorization: Bearer TOKEN`"});
 }

@@ -4,11 +4,13 @@
 //
 //   token       game-1            control  k7Zq0fJw2tXo9LsB     the secret, 16 to 512 printable characters
 //   token       dashboard         observe  sha256:5e88...d8     or its SHA-256 in hexadecimal
-//   certificate game-2.example    control                       a name as in TlsStream::certificate_name; * is every verified one
-//   user        1000              admin                         a numeric id or a name on the unix socket; * is every user
+//   certificate game-2.example    control                       a name as in TlsStream::certificate_name; * is every
+//   verified one user        1000              admin                         a numeric id or a name on the unix socket;
+//   * is every user
 //
 // `control` opens sessions and uploads scenes, `observe` reads the server's counters, `admin` does both and also opens
-// scenes that others uploaded. Each of them may read the server's information and list scenes. No name and no secret is there twice.
+// scenes that others uploaded. Each of them may read the server's information and list scenes. No name and no secret is
+// there twice.
 #pragma once
 
 #include <array>
@@ -41,7 +43,8 @@ enum class Need { kAnyRole, kControl, kObserve };
 
 // One that may speak.
 struct Caller {
-  std::string name;  // for budgets and logs: "token game-1", "certificate game-2.example", "uid 1000", otherwise the address
+  // for budgets and logs: "token game-1", "certificate game-2.example", "uid 1000", otherwise the address
+  std::string name;
   // Without an access file there are no roles: everyone who may connect controls and observes.
   std::optional<Role> role;
 
@@ -112,8 +115,8 @@ class Access {
   // What others can do with a file that holds secrets; see exposed_by_mode.
   std::string exposed() const;
 
-  // `token` is what the caller sent; nothing: it sent none. A caller that sends a token is judged by it alone, otherwise by
-  // its certificate, otherwise by its user.
+  // `token` is what the caller sent; nothing: it sent none. A caller that sends a token is judged by it alone,
+  // otherwise by its certificate, otherwise by its user.
   tl::expected<Caller, Refusal> identify(const Peer& peer, std::optional<std::string_view> token, Need need) const;
   // Calls that `identify` refused.
   uint64_t refused() const { return refused_; }
@@ -125,8 +128,8 @@ class Access {
   std::shared_ptr<const AccessList> list() const;
   Status take(const std::string& text);
 
-  std::string path_;                // constant after construction; empty: no file
-  SettledFiles file_{{}};           // used by one thread at a time
+  std::string path_;       // constant after construction; empty: no file
+  SettledFiles file_{{}};  // used by one thread at a time
   mutable std::atomic<uint64_t> refused_{0};
   mutable std::mutex mutex_;
   std::shared_ptr<const AccessList> list_;  // guarded by mutex_; null: no file

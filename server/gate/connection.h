@@ -13,8 +13,8 @@
 
 namespace sightline {
 
-// Who is at the other end of an accepted socket: the user on a unix socket ("uid 1000", from the kernel), otherwise the address. An
-// IPv6 client has a whole /64 to choose from, so that is its name.
+// Who is at the other end of an accepted socket: the user on a unix socket ("uid 1000", from the kernel), otherwise the
+// address. An IPv6 client has a whole /64 to choose from, so that is its name.
 std::string client_of_socket(int fd);
 // The numeric id of the user on a unix socket.
 std::optional<unsigned> user_of_socket(int fd);
@@ -22,8 +22,8 @@ std::optional<unsigned> user_of_socket(int fd);
 // The time of the gate's clock: monotonic, in seconds.
 double gate_now_s();
 
-// One connection: the client's socket, and the gate's end of the socket pair whose other end gRPC has. Made by the gate's
-// thread; afterwards only the members that say so change.
+// One connection: the client's socket, and the gate's end of the socket pair whose other end gRPC has. Made by the
+// gate's thread; afterwards only the members that say so change.
 struct Connection {
   FileDescriptor outer, inner;
   std::string client;            // see client_of_socket
@@ -44,7 +44,7 @@ struct Connection {
   // The connection is cut when this time has passed. At first it is the time in which the client must greet.
   std::atomic<double> deadline_s{0.0};
   std::atomic<bool> handshake_failed{false};
-  std::atomic<bool> flooded{false};  // it was cut because the client sent too much
+  std::atomic<bool> flooded{false};   // it was cut because the client sent too much
   std::atomic<size_t> held_bytes{0};  // see FrameWatch::held_bytes
   // Written by any thread.
   std::atomic<bool> accepted{false};  // a call on it was accepted from a caller who may make it

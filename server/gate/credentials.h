@@ -1,4 +1,5 @@
-// The files that decide who may speak, together: the certificate, its key, the authority of clients, and the access file.
+// The files that decide who may speak, together: the certificate, its key, the authority of clients, and the access
+// file.
 #pragma once
 
 #include <atomic>
@@ -32,7 +33,7 @@ class Credentials {
 
   // What became of a file that has changed.
   struct Change {
-    std::string what;             // "certificate", "access file"
+    std::string what;              // "certificate", "access file"
     std::optional<Error> trouble;  // why it cannot be used; the former contents stay in use
   };
   // Looks at all files again, and takes over those that have changed and settled.
@@ -42,7 +43,8 @@ class Credentials {
   // What the modes of the files let other users do with them, for a person; empty: nothing that matters.
   std::vector<std::string> exposed() const;
 
-  // Counts of the changes of a file since the start. Those of the certificate include its key and the file of the clients' authorities.
+  // Counts of the changes of a file since the start. Those of the certificate include its key and the file of the
+  // clients' authorities.
   struct FileCounts {
     std::atomic<uint64_t> taken_over{0}, refused{0};  // changes that came into use, and those that could not be used
     std::atomic<bool> current{true};                  // false: the newest contents could not be used

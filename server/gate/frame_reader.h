@@ -32,14 +32,16 @@ struct FrameHead {
   bool ends_stream() const { return (flags & 0x1u) != 0 && (type == FrameType::kData || type == FrameType::kHeaders); }
   bool ends_headers() const { return (flags & 0x4u) != 0; }
   bool padded() const { return (flags & 0x8u) != 0; }
-  bool acknowledges() const { return (flags & 0x1u) != 0 && (type == FrameType::kPing || type == FrameType::kSettings); }
+  bool acknowledges() const {
+    return (flags & 0x1u) != 0 && (type == FrameType::kPing || type == FrameType::kSettings);
+  }
 };
 
 // Not thread-safe.
 class FrameReader {
  public:
-  // Gives `visitor` the frames in these bytes, however they are cut: `begin(head)`, `payload(part)` for each part of the payload, and
-  // `end()`. `begin` and `end` return true to go on. Returns the number of bytes that were read.
+  // Gives `visitor` the frames in these bytes, however they are cut: `begin(head)`, `payload(part)` for each part of
+  // the payload, and `end()`. `begin` and `end` return true to go on. Returns the number of bytes that were read.
   template <typename Visitor>
   size_t read(std::span<const std::byte> bytes, Visitor& visitor) {
     size_t at = 0;

@@ -36,8 +36,8 @@ struct FrameWatch::FromServer {
   const double now_s;
 
   bool begin(const FrameHead& head) {
-    const bool wants_answer = head.type == FrameType::kHeaders || head.type == FrameType::kData || head.type == FrameType::kPing ||
-                              head.type == FrameType::kSettings;
+    const bool wants_answer = head.type == FrameType::kHeaders || head.type == FrameType::kData ||
+                              head.type == FrameType::kPing || head.type == FrameType::kSettings;
     if (wants_answer && !head.acknowledges()) watch.take_overhead(-watch.limits_.for_answer, now_s);
     return true;
   }
@@ -84,7 +84,8 @@ void FrameWatch::read_answers(std::span<const std::byte> bytes, double now_s) {
 size_t FrameWatch::take_preface(std::span<const std::byte> bytes) {
   size_t at = 0;
   for (; preface_left_ > 0 && at < bytes.size() && !reason_; ++at, --preface_left_)
-    if (static_cast<char>(bytes[at]) != kPreface[kPreface.size() - preface_left_]) cut("it does not speak HTTP/2", false);
+    if (static_cast<char>(bytes[at]) != kPreface[kPreface.size() - preface_left_])
+      cut("it does not speak HTTP/2", false);
   return at;
 }
 
@@ -154,7 +155,8 @@ void FrameWatch::end_by_client(const FrameHead& head) {
 
 void FrameWatch::grant(uint32_t id) {
   const auto found = streams_.find(id);
-  if (found != streams_.end()) change(found->second, [this](StreamMessages& messages) { messages.grant(increment_ & 0x7FFF'FFFFu); });
+  if (found != streams_.end())
+    change(found->second, [this](StreamMessages& messages) { messages.grant(increment_ & 0x7FFF'FFFFu); });
   increment_ = 0;
 }
 
@@ -200,8 +202,10 @@ void FrameWatch::take_call(double now_s) {
 
 void FrameWatch::take_overhead(double overhead, double now_s) {
   const bool fair = fair_overhead_.take(now_s, overhead), client = !client_ || client_->take_overhead(overhead, now_s);
-  if (!overhead_bucket_.take(now_s, overhead)) return cut("it resets calls, or sends frames that carry nothing, too fast");
-  if (!client && !fair) cut("its client resets calls, or sends frames that carry nothing, too fast on all connections together");
+  if (!overhead_bucket_.take(now_s, overhead))
+    return cut("it resets calls, or sends frames that carry nothing, too fast");
+  if (!client && !fair)
+    cut("its client resets calls, or sends frames that carry nothing, too fast on all connections together");
 }
 
 // The first reason counts.

@@ -1,9 +1,10 @@
 // Watches what one client sends on an HTTP/2 connection, and says when the connection must be cut.
 //
-// gRPC 1.51 limits open calls and the size of messages, but not how fast calls are opened and reset, how long a header block is, or how many
-// frames come that carry nothing. Each reset call costs about 20 KB until the server has cleaned it up, and each frame takes processor time,
-// whatever its type. So the watch counts every frame by what it costs and by what it carries, without a list of bad types. It reads the nine
-// bytes at the head of each frame and the length before each message; it understands no headers and no messages.
+// gRPC 1.51 limits open calls and the size of messages, but not how fast calls are opened and reset, how long a header
+// block is, or how many frames come that carry nothing. Each reset call costs about 20 KB until the server has cleaned
+// it up, and each frame takes processor time, whatever its type. So the watch counts every frame by what it costs and
+// by what it carries, without a list of bad types. It reads the nine bytes at the head of each frame and the length
+// before each message; it understands no headers and no messages.
 #pragma once
 
 #include <atomic>
@@ -27,18 +28,20 @@ namespace sightline {
 struct FrameLimits {
   // Calls that may begin at once, and how many more each second.
   double calls_burst = 1000.0, calls_per_s = 200.0;
-  // Calls that one relay lets begin at once, and how many more each second, of all clients together. Others wait for their turn.
+  // Calls that one relay lets begin at once, and how many more each second, of all clients together. Others wait for
+  // their turn.
   double paced_burst = 32.0, paced_per_s = 2000.0;
-  // Overhead that may come at once, and how much more each second. A frame is an overhead of 1, and of 1 more for each 512 bytes that
-  // belong to no message. A frame of data is none if it completes a message or ends a call, and otherwise less, the more it carries. Each call
-  // that begins, and each frame of the server that a client may answer, makes room for some.
+  // Overhead that may come at once, and how much more each second. A frame is an overhead of 1, and of 1 more for each
+  // 512 bytes that belong to no message. A frame of data is none if it completes a message or ends a call, and
+  // otherwise less, the more it carries. Each call that begins, and each frame of the server that a client may answer,
+  // makes room for some.
   double overhead_burst = 500.0, overhead_per_s = 100.0;
   double bytes_of_overhead = 512.0;
   double for_call = 2.0, for_kib = 1.0, for_answer = 3.0;
   // Frames of a call that are still under way when the server ends the call. They count as if it were open.
   int frames_after_end = 128;
-  // The same for calls and for overhead on all connections of one client together. Behind one address there can be 200 connections, each
-  // with some overhead at its start and at its end.
+  // The same for calls and for overhead on all connections of one client together. Behind one address there can be 200
+  // connections, each with some overhead at its start and at its end.
   double client_burst = 2000.0, client_per_s = 400.0;
   // A connection that does no more than this is never cut for what its client does on others.
   double fair_burst = 64.0, fair_per_s = 4.0;
@@ -46,7 +49,8 @@ struct FrameLimits {
   size_t max_header_block_bytes = 32 << 10;
   // A longer frame is an error in HTTP/2, unless the server asked for it, which gRPC does up to 4 MiB and a little.
   size_t max_frame_bytes = (4 << 20) + 1024;
-  // Calls that are open or have just ended. gRPC lets 1,024 be open; a client that has not heard of that yet may begin more.
+  // Calls that are open or have just ended. gRPC lets 1,024 be open; a client that has not heard of that yet may begin
+  // more.
   size_t max_streams = 4096;
 };
 
@@ -87,10 +91,11 @@ class FrameWatch {
   // Without a `client` only the connection's own limits hold.
   explicit FrameWatch(const FrameLimits& limits = {}, std::shared_ptr<ClientFlow> client = nullptr);
 
-  // Takes the next bytes of the client. `now_s` is a monotonic time in seconds. Returns the reason to cut the connection, or
-  // nothing. After a reason nothing may be given to it any more.
+  // Takes the next bytes of the client. `now_s` is a monotonic time in seconds. Returns the reason to cut the
+  // connection, or nothing. After a reason nothing may be given to it any more.
   std::optional<std::string_view> read(std::span<const std::byte> bytes, double now_s);
-  // The same, but only up to the end of the first frame with which a call begins. Returns the number of bytes that it took.
+  // The same, but only up to the end of the first frame with which a call begins. Returns the number of bytes that it
+  // took.
   size_t read_until_call(std::span<const std::byte> bytes, double now_s);
   // The last read ended with a frame with which a call began.
   bool began_call() const { return began_call_; }
@@ -149,9 +154,9 @@ class FrameWatch {
   uint32_t newest_stream_ = 0;
   std::unordered_map<uint32_t, Stream> streams_;  // by id
   std::deque<uint32_t> ended_;                    // the newest that the server has ended, the oldest first
-  Stream* stream_ = nullptr;      // of the DATA frame that comes; null: it belongs to no call
-  size_t completed_ = 0;          // messages that this frame has completed
-  uint32_t increment_ = 0;        // of the server's WINDOW_UPDATE that comes
+  Stream* stream_ = nullptr;                      // of the DATA frame that comes; null: it belongs to no call
+  size_t completed_ = 0;                          // messages that this frame has completed
+  uint32_t increment_ = 0;                        // of the server's WINDOW_UPDATE that comes
   bool began_call_ = false;
   std::optional<std::string_view> reason_;
   size_t held_bytes_ = 0;

@@ -37,8 +37,8 @@ std::string name_socket(int fd) {
 
 }  // namespace
 
-Gate::Gate(std::vector<ListeningSocket> sockets, const GateLimits& limits, unsigned relays, const TlsKeys* tls, HandOver hand_over,
-           Notice notice)
+Gate::Gate(std::vector<ListeningSocket> sockets, const GateLimits& limits, unsigned relays, const TlsKeys* tls,
+           HandOver hand_over, Notice notice)
     : limits_(limits),
       tls_(tls),
       hand_over_(std::move(hand_over)),
@@ -50,7 +50,8 @@ Gate::Gate(std::vector<ListeningSocket> sockets, const GateLimits& limits, unsig
     over(connection, reason);
   };
   const auto holds = [this](const Connection& connection, ptrdiff_t change) { note_held(connection, change); };
-  for (unsigned i = 0; i < std::max(relays, 1u); ++i) relays_.push_back(std::make_unique<Relay>(limits_.frames, over_here, holds));
+  for (unsigned i = 0; i < std::max(relays, 1u); ++i)
+    relays_.push_back(std::make_unique<Relay>(limits_.frames, over_here, holds));
   if (!tls_) return;
   greeter_ = std::make_unique<Relay>(limits_.frames, over_here, holds);
   greeter_->pass_on_to([this]() -> Relay& { return *relays_[next_relay_++ % relays_.size()]; });
@@ -167,8 +168,8 @@ void Gate::tell(const std::string& client, std::string_view reason) noexcept try
 } catch (const std::bad_alloc&) {
 }
 
-// A handshake costs the server more than its client. Full buckets are forgotten, so the map stays as small as the number of clients that
-// connected lately.
+// A handshake costs the server more than its client. Full buckets are forgotten, so the map stays as small as the
+// number of clients that connected lately.
 bool Gate::may_shake_hands(const std::string& client) {
   const double now_s = gate_now_s();
   std::erase_if(handshakes_, [&](const auto& entry) { return entry.second.full(now_s); });
@@ -177,7 +178,8 @@ bool Gate::may_shake_hands(const std::string& client) {
 
 void Gate::note_flood(const std::string& client) try {
   const std::lock_guard lock(mutex_);
-  floods_.try_emplace(client, Flood{TokenBucket(limits_.after_flood_burst, limits_.after_flood_per_s), 0.0}).first->second.last_s = gate_now_s();
+  floods_.try_emplace(client, Flood{TokenBucket(limits_.after_flood_burst, limits_.after_flood_per_s), 0.0})
+      .first->second.last_s = gate_now_s();
 } catch (const std::bad_alloc&) {  // the connection is cut in any case
 }
 
@@ -191,7 +193,8 @@ std::shared_ptr<ClientFlow> Gate::flow_of(const std::string& client) {
   return flow;
 }
 
-// Each connection may do some work before it is cut for a flood. A client that floods again and again on new ones gets few of them.
+// Each connection may do some work before it is cut for a flood. A client that floods again and again on new ones gets
+// few of them.
 bool Gate::may_connect(const std::string& client) {
   const double now_s = gate_now_s();
   const std::lock_guard lock(mutex_);
@@ -204,7 +207,8 @@ void Gate::admit(FileDescriptor fd, bool encrypted) {
   std::string client = client_of_socket(fd.get());
   if (!may_connect(client)) return refuse(client, "too many connections after one that was cut for what it sent");
   if (encrypted && !may_shake_hands(client)) return refuse(client, "too many TLS handshakes in a short time");
-  if (!make_room(client)) return refuse(client, "no connection is left (--max-connections, --max-connections-per-client)");
+  if (!make_room(client))
+    return refuse(client, "no connection is left (--max-connections, --max-connections-per-client)");
   auto connection = connect_to_grpc(std::move(fd), std::move(client), encrypted);
   if (!connection) return;
   enter(connection);
@@ -264,9 +268,9 @@ bool Gate::make_room(const std::string& client) {
   return victim != nullptr;
 }
 
-// The connection that makes way first, of this client or, with an empty name, of all. Those on which no call was accepted come before the
-// others, whatever calls were refused on them: first those of the client that has most of them, and of these the oldest one. The others make
-// way when they have been idle for long. Null: there is none.
+// The connection that makes way first, of this client or, with an empty name, of all. Those on which no call was
+// accepted come before the others, whatever calls were refused on them: first those of the client that has most of
+// them, and of these the oldest one. The others make way when they have been idle for long. Null: there is none.
 std::shared_ptr<Connection> Gate::least_needed(const std::string& client) const {
   std::map<std::string_view, size_t> unaccepted_of;
   for (const auto& [peer, connection] : connections_) unaccepted_of[connection->client] += !connection->accepted;
@@ -288,7 +292,8 @@ std::shared_ptr<Connection> Gate::least_needed(const std::string& client) const 
 
 // Runs on the threads of the relays. Unsigned numbers wrap, so adding a negative change is well defined.
 void Gate::note_held(const Connection& connection, ptrdiff_t change) {
-  const size_t all = held_bytes_ += static_cast<size_t>(change), client = connection.flow->held_bytes += static_cast<size_t>(change);
+  const size_t all = held_bytes_ += static_cast<size_t>(change),
+               client = connection.flow->held_bytes += static_cast<size_t>(change);
   const bool too_much = all > limits_.held_bytes || client > limits_.held_bytes / 2;
   if (change > 0 && too_much && limits_.held_bytes > 0) limit_held();
 }
@@ -301,7 +306,8 @@ void Gate::limit_held() try {
 } catch (const std::bad_alloc&) {  // the next byte tries again
 }
 
-// The connection that holds most, of the client that holds most. Null when neither this client nor all together hold too much.
+// The connection that holds most, of the client that holds most. Null when neither this client nor all together hold
+// too much.
 std::shared_ptr<Connection> Gate::largest_holder() const {
   const std::lock_guard lock(mutex_);
   std::map<std::string_view, size_t> of_client;
@@ -316,7 +322,8 @@ std::shared_ptr<Connection> Gate::largest_holder() const {
   if (most == of_client.end() || (all <= limits_.held_bytes && most->second <= limits_.held_bytes / 2)) return nullptr;
   std::shared_ptr<Connection> largest;
   for (const auto& [peer, connection] : connections_)
-    if (connection->client == most->first && (!largest || connection->held_bytes > largest->held_bytes)) largest = connection;
+    if (connection->client == most->first && (!largest || connection->held_bytes > largest->held_bytes))
+      largest = connection;
   return largest;
 }
 

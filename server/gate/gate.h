@@ -1,9 +1,10 @@
 // The gate of the daemon: it accepts all connections, and hands them to gRPC through a relay.
 //
-// gRPC 1.51 gives up a listening socket for good when file descriptors run out, and limits neither the number of connections nor
-// what a client does on one. The gate accepts at most `max_connections` and `max_per_client`, so descriptors are left for everything
-// else. A connection on which no call was accepted makes way for a new one. The relay (relay.h) cuts connections that flood. With keys,
-// connections over TCP are encrypted; those over a unix socket never are.
+// gRPC 1.51 gives up a listening socket for good when file descriptors run out, and limits neither the number of
+// connections nor what a client does on one. The gate accepts at most `max_connections` and `max_per_client`, so
+// descriptors are left for everything else. A connection on which no call was accepted makes way for a new one. The
+// relay (relay.h) cuts connections that flood. With keys, connections over TCP are encrypted; those over a unix socket
+// never are.
 //
 // The price is one more thread on the way of each message.
 #pragma once
@@ -33,14 +34,16 @@ struct GateLimits {
   size_t max_connections = 256;
   size_t max_per_client = 192;  // a client is a user on a unix socket, or an address
   double greeting_s = 10.0;     // time in which a client must begin to speak HTTP/2
-  double idle_s = 60.0;         // a connection without part of a call for this time may make way for a new one, even if a call was accepted
+  // a connection without part of a call for this time may make way for a new one, even if a call was accepted
+  double idle_s = 60.0;
   // TLS handshakes of one client at once, and how many more each second.
   double handshakes_burst = 256.0, handshakes_per_s = 32.0;
-  // For this time after a connection was cut for a flood, its client gets as many new ones at once, and as many more each second.
+  // For this time after a connection was cut for a flood, its client gets as many new ones at once, and as many more
+  // each second.
   double after_flood_s = 10.0, after_flood_burst = 4.0, after_flood_per_s = 2.0;
   FrameLimits frames;
-  // Of what gRPC holds of messages that are not complete, or that nobody has taken yet, in bytes: of all clients, and half of it for one.
-  // Beyond it the connection that holds most is cut. 0: no limit.
+  // Of what gRPC holds of messages that are not complete, or that nobody has taken yet, in bytes: of all clients, and
+  // half of it for one. Beyond it the connection that holds most is cut. 0: no limit.
   size_t held_bytes = 0;
 };
 
@@ -62,9 +65,10 @@ class Gate {
   // A connection was refused or cut. Runs on a thread of the gate and must return at once.
   using Notice = std::function<void(const std::string& client, std::string_view reason)>;
 
-  // `relays` threads move bytes; one is enough for hundreds of sessions. `tls` must outlive the gate; null: nothing is encrypted.
-  Gate(std::vector<ListeningSocket> sockets, const GateLimits& limits, unsigned relays, const TlsKeys* tls, HandOver hand_over,
-       Notice notice);
+  // `relays` threads move bytes; one is enough for hundreds of sessions. `tls` must outlive the gate; null: nothing is
+  // encrypted.
+  Gate(std::vector<ListeningSocket> sockets, const GateLimits& limits, unsigned relays, const TlsKeys* tls,
+       HandOver hand_over, Notice notice);
   // Closes everything.
   ~Gate();
   Gate(const Gate&) = delete;
@@ -75,13 +79,15 @@ class Gate {
   // Stops to listen, and removes the socket files. Open connections go on.
   void stop_accepting();
 
-  // What is known of a client, from ServerContext::peer() of one of its calls. If the connection is gone, its name is the
-  // argument.
+  // What is known of a client, from ServerContext::peer() of one of its calls. If the connection is gone, its name is
+  // the argument.
   Peer peer_of(const std::string& peer) const;
-  // A call on this connection was accepted from a caller who may make it. Until then the connection makes way for others.
+  // A call on this connection was accepted from a caller who may make it. Until then the connection makes way for
+  // others.
   void note_accepted(const std::string& peer) const;
   GateCounts counts() const;
-  // Time since the slowest of the gate's threads last went round, in seconds. Each does so at least four times a second, unless it hangs.
+  // Time since the slowest of the gate's threads last went round, in seconds. Each does so at least four times a
+  // second, unless it hangs.
   double silent_s() const;
 
  private:
@@ -113,8 +119,8 @@ class Gate {
   const FileDescriptor wake_;
   std::atomic<size_t> next_relay_{0};
   std::map<std::string, TokenBucket> handshakes_;  // by client; used by thread_ only
-  std::atomic<double> beat_s_{gate_now_s()};  // when the thread last went round
-  std::atomic<size_t> held_bytes_{0};         // of all connections: see Connection::held_bytes
+  std::atomic<double> beat_s_{gate_now_s()};       // when the thread last went round
+  std::atomic<size_t> held_bytes_{0};              // of all connections: see Connection::held_bytes
 
   mutable std::mutex mutex_;
   // Guarded by mutex_. By peer; those that were cut are no longer in it, so their sockets are open here or nowhere.
@@ -124,7 +130,7 @@ class Gate {
     TokenBucket connections;
     double last_s;  // when a connection of the client was cut last
   };
-  std::map<std::string, Flood> floods_;  // by client
+  std::map<std::string, Flood> floods_;                       // by client
   std::map<std::string, std::shared_ptr<ClientFlow>> flows_;  // by client
   GateCounts counts_;
   bool stopping_ = false;

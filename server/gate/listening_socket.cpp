@@ -22,8 +22,8 @@ Result<sockaddr_un> socket_address(const std::string& path) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   if (path.size() >= sizeof(address.sun_path)) {
-    return invalid(kUnix, "a socket path has at most " + std::to_string(sizeof(address.sun_path) - 1) +
-                              " bytes: " + path);
+    return invalid(kUnix,
+                   "a socket path has at most " + std::to_string(sizeof(address.sun_path) - 1) + " bytes: " + path);
   }
   std::memcpy(address.sun_path, path.c_str(), path.size());
   return address;
@@ -97,7 +97,8 @@ int port_of(const sockaddr_storage& address) {
 }
 
 bool is_loopback(const sockaddr& address) {
-  if (address.sa_family == AF_INET) return (ntohl(reinterpret_cast<const sockaddr_in&>(address).sin_addr.s_addr) >> 24) == IN_LOOPBACKNET;
+  if (address.sa_family == AF_INET)
+    return (ntohl(reinterpret_cast<const sockaddr_in&>(address).sin_addr.s_addr) >> 24) == IN_LOOPBACKNET;
   const in6_addr& six = reinterpret_cast<const sockaddr_in6&>(address).sin6_addr;
   if (IN6_IS_ADDR_V4MAPPED(&six)) return six.s6_addr[12] == IN_LOOPBACKNET;
   return IN6_IS_ADDR_LOOPBACK(&six);
@@ -121,7 +122,8 @@ Result<bool> ListeningSocket::stays_on_host(const std::string& address, const st
   const size_t colon = address.rfind(':');
   if (colon == std::string::npos) return invalid(flag, "must be HOST:PORT, got " + address);
   const AddressList found = resolve(address.substr(0, colon), address.substr(colon + 1));
-  if (!found) return fail(ErrorCode::kUnavailable, flag, "cannot listen at " + address + ": this machine knows no such host");
+  if (!found)
+    return fail(ErrorCode::kUnavailable, flag, "cannot listen at " + address + ": this machine knows no such host");
   return is_loopback(*found->ai_addr);
 }
 
@@ -167,7 +169,8 @@ Result<ListeningSocket> ListeningSocket::unix_file(const std::string& path, unsi
   ::umask(former_umask);
   if (!bound) return cannot_listen(kUnix, path, error);
   struct stat info {};
-  if (::lstat(path.c_str(), &info) != 0 || ::listen(socket.fd(), kBacklog) != 0) return cannot_listen(kUnix, path, errno);
+  if (::lstat(path.c_str(), &info) != 0 || ::listen(socket.fd(), kBacklog) != 0)
+    return cannot_listen(kUnix, path, errno);
   socket.device_ = info.st_dev;
   socket.inode_ = info.st_ino;
   socket.path_ = path;

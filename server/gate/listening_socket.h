@@ -33,14 +33,15 @@ class FileDescriptor {
 // Not thread-safe.
 class ListeningSocket {
  public:
-  // `address` is host:port; port 0 takes a free one. The port is not shared with other processes. Fails with kUnavailable
-  // or kInvalidArgument, field "--listen".
+  // `address` is host:port; port 0 takes a free one. The port is not shared with other processes. Fails with
+  // kUnavailable or kInvalidArgument, field "--listen".
   static Result<ListeningSocket> tcp(const std::string& address);
-  // Makes the socket file with `mode`. A file that no process serves any more is replaced; any other is left alone. Fails
-  // with kUnavailable or kInvalidArgument, field "--listen-unix".
+  // Makes the socket file with `mode`. A file that no process serves any more is replaced; any other is left alone.
+  // Fails with kUnavailable or kInvalidArgument, field "--listen-unix".
   static Result<ListeningSocket> unix_file(const std::string& path, unsigned mode);
 
-  // What can be known of an address without taking it. `stays_on_host`: as below; it fails when the host is not known, with field `flag`.
+  // What can be known of an address without taking it. `stays_on_host`: as below; it fails when the host is not known,
+  // with field `flag`.
   static Result<bool> stays_on_host(const std::string& address, const std::string& flag);
   static Status check_unix_path(const std::string& path);
 

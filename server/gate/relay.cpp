@@ -26,15 +26,16 @@ struct Relay::Side {
   Line* line = nullptr;
   Side* other = nullptr;
   int fd = -1;
-  bool ended = false;                  // it sends nothing more
-  bool hung_up = false;                // nor takes anything
+  bool ended = false;                   // it sends nothing more
+  bool hung_up = false;                 // nor takes anything
   std::vector<std::byte> waiting = {};  // bytes for this side that it has not taken yet
-  bool watched = false;                // by epoll
-  uint32_t interest = 0;               // what epoll watches for
+  bool watched = false;                 // by epoll
+  uint32_t interest = 0;                // what epoll watches for
 };
 
 struct Relay::Line {
-  Line(std::shared_ptr<Connection> of, const FrameLimits& limits) : connection(std::move(of)), watch(limits, connection->flow) {
+  Line(std::shared_ptr<Connection> of, const FrameLimits& limits)
+      : connection(std::move(of)), watch(limits, connection->flow) {
     client = {.line = this, .other = &grpc, .fd = connection->outer.get()};
     grpc = {.line = this, .other = &client, .fd = connection->inner.get()};
   }
@@ -42,10 +43,11 @@ struct Relay::Line {
   FrameWatch watch;
   Side client, grpc;
   bool over = false;
-  bool passed_on = false;     // to the next relay, after the handshake
+  bool passed_on = false;  // to the next relay, after the handshake
   bool said_goodbye = false;
   std::vector<std::byte> early = {};  // what gRPC said before the handshake was over
-  // It waits until there is room for another call: the client is not read meanwhile, and what was read of it and not passed on is here.
+  // It waits until there is room for another call: the client is not read meanwhile, and what was read of it and not
+  // passed on is here.
   uint64_t waits = 0;  // its place in the queue; 0: it does not wait
   std::vector<std::byte> held_back = {};
   std::string tls_trouble;
@@ -93,7 +95,8 @@ void Relay::run() {
   ::prctl(PR_SET_NAME, "relay");  // for ps and debuggers
   std::array<epoll_event, 64> events;
   for (;;) {
-    const int count = ::epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), waiting_.empty() ? kBeatMs : kPaceMs);
+    const int count = ::epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()),
+                                   waiting_.empty() ? kBeatMs : kPaceMs);
     beat_s_.store(gate_now_s(), std::memory_order_relaxed);
     bool woken = false;
     for (int i = 0; i < count; ++i) {
@@ -124,9 +127,7 @@ void Relay::hand_on_leaving() {
 }
 
 // Only this connection suffers when no memory is left for it.
-void Relay::guarded(Line& line, const std::function<void()>& work) try {
-  work();
-} catch (const std::bad_alloc&) {
+void Relay::guarded(Line& line, const std::function<void()>& work) try { work(); } catch (const std::bad_alloc&) {
   if (!line.over && lines_.contains(&line)) end(line, "the server is out of memory");
 }
 
@@ -230,8 +231,8 @@ void Relay::let_waiting_go_on() {
   }
 }
 
-// The one that goes on next: of the clients with the fewest recent calls, which are soon forgotten, the one that has waited longest. Those wait
-// on for which gRPC has not taken what came before.
+// The one that goes on next: of the clients with the fewest recent calls, which are soon forgotten, the one that has
+// waited longest. Those wait on for which gRPC has not taken what came before.
 Relay::Line* Relay::next_waiting() const {
   Line* next = nullptr;
   double fewest = 0.0;
@@ -364,7 +365,8 @@ bool Relay::adjust(Side& side) {
   const bool held = &side == &side.line->client && side.line->waits > 0;
   if (!side.ended && !held && side.other->waiting.empty()) interest |= EPOLLIN;
   if (!side.waiting.empty()) interest |= EPOLLOUT;
-  // epoll reports a hang-up again and again, whether it is asked for or not. So such a socket leaves epoll while there is nothing to do for it.
+  // epoll reports a hang-up again and again, whether it is asked for or not. So such a socket leaves epoll while there
+  // is nothing to do for it.
   const bool watched = interest != 0 || !side.hung_up;
   if (watched == side.watched && interest == side.interest) return true;
   const int change = !watched ? EPOLL_CTL_DEL : side.watched ? EPOLL_CTL_MOD : EPOLL_CTL_ADD;

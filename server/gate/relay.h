@@ -1,16 +1,19 @@
 // The thread that moves bytes between clients and gRPC, and watches what the clients send.
 //
-// gRPC owns its end of each socket pair. The relay holds at most kMostHeld bytes for each direction of a connection: it reads from
-// one side only when the other side has taken everything. A client that stops reading is therefore stopped by gRPC's flow control
-// as if there were no relay. Once gRPC has closed, the client has 2 s to take what is left in the pair.
+// gRPC owns its end of each socket pair. The relay holds at most kMostHeld bytes for each direction of a connection: it
+// reads from one side only when the other side has taken everything. A client that stops reading is therefore stopped
+// by gRPC's flow control as if there were no relay. Once gRPC has closed, the client has 2 s to take what is left in
+// the pair.
 //
 // A connection for whose bytes no memory is left is cut; the others go on.
 //
-// Each new call takes gRPC and the service about 0.1 ms, so a thousand of them at once would hold up all sessions. The relay lets calls begin
-// at a rate. What comes after a call for which there is no room waits, in turns: the client that began the fewest calls lately goes on first.
+// Each new call takes gRPC and the service about 0.1 ms, so a thousand of them at once would hold up all sessions. The
+// relay lets calls begin at a rate. What comes after a call for which there is no room waits, in turns: the client that
+// began the fewest calls lately goes on first.
 //
-// A connection with TLS is decrypted here, so that its frames can be watched. Its handshake takes up to a millisecond of CPU; a relay of
-// its own, the greeter, does all handshakes, so that a client that connects again and again delays no session.
+// A connection with TLS is decrypted here, so that its frames can be watched. Its handshake takes up to a millisecond
+// of CPU; a relay of its own, the greeter, does all handshakes, so that a client that connects again and again delays
+// no session.
 #pragma once
 
 #include <array>
@@ -50,7 +53,8 @@ class Relay {
 
   // Takes a connection over, whose sockets must not block. From any thread.
   void add(std::shared_ptr<Connection> connection);
-  // Chooses the relay that gets a connection after its handshake. Without it, the connection stays. Set before the first `add`.
+  // Chooses the relay that gets a connection after its handshake. Without it, the connection stays. Set before the
+  // first `add`.
   void pass_on_to(std::function<Relay&()> next) { next_ = std::move(next); }
 
   // Bytes that came from clients and went to them, since the start. From any thread.
@@ -68,7 +72,8 @@ class Relay {
   static constexpr int kPaceMs = 2;
   struct Line;
   struct Side;
-  // Lines go from one map to another as nodes, for which no memory is needed: a line must not be lost when there is none.
+  // Lines go from one map to another as nodes, for which no memory is needed: a line must not be lost when there is
+  // none.
   using Lines = std::map<const Line*, std::unique_ptr<Line>>;
 
   void run();
@@ -104,8 +109,8 @@ class Relay {
   // Used by the thread only.
   std::function<Relay&()> next_;  // set before the first connection
   Lines lines_;
-  Lines leaving_;  // they go to the next relay after the events of this round
-  Lines ended_;    // kept until the events of this round are served
+  Lines leaving_;                      // they go to the next relay after the events of this round
+  Lines ended_;                        // kept until the events of this round are served
   std::map<uint64_t, Line*> waiting_;  // until there is room for another call, in the order in which they came
   uint64_t next_place_ = 1;
   TokenBucket calls_;

@@ -15,9 +15,10 @@ ContentHash hash_of(const std::string& text) {
 // What changes when the file is written again or replaced, also with equal contents.
 std::string identity_of(const struct stat& state) {
   std::string text;
-  for (const auto part : {static_cast<long long>(state.st_dev), static_cast<long long>(state.st_ino), static_cast<long long>(state.st_size),
-                          static_cast<long long>(state.st_mtim.tv_sec), static_cast<long long>(state.st_mtim.tv_nsec),
-                          static_cast<long long>(state.st_ctim.tv_sec), static_cast<long long>(state.st_ctim.tv_nsec)})
+  for (const auto part : {static_cast<long long>(state.st_dev), static_cast<long long>(state.st_ino),
+                          static_cast<long long>(state.st_size), static_cast<long long>(state.st_mtim.tv_sec),
+                          static_cast<long long>(state.st_mtim.tv_nsec), static_cast<long long>(state.st_ctim.tv_sec),
+                          static_cast<long long>(state.st_ctim.tv_nsec)})
     text.append(std::to_string(part)).push_back(' ');
   return text;
 }

@@ -1,8 +1,10 @@
-// Files that are read again while the process runs, each time as a whole set: the certificate and its key, or the access file.
+// Files that are read again while the process runs, each time as a whole set: the certificate and its key, or the
+// access file.
 //
-// A file that is written in place is empty or cut off for a while, and what is there then may still be valid. So new contents count only when
-// nothing about the files has changed for kSettle: their contents, size, times and identity; and when no process has one of them open for writing,
-// as far as the system tells, or one holds it open for kPatience. A file that is replaced by a rename settles after the same time.
+// A file that is written in place is empty or cut off for a while, and what is there then may still be valid. So new
+// contents count only when nothing about the files has changed for kSettle: their contents, size, times and identity;
+// and when no process has one of them open for writing, as far as the system tells, or one holds it open for kPatience.
+// A file that is replaced by a rename settles after the same time.
 //
 //   SettledFiles files({{path, "--access-file"}});
 //   const auto first = files.read();                 // at the start: as they are

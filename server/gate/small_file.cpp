@@ -28,7 +28,8 @@ Result<SmallFile> look_at_small_file(const std::string& path, const std::string&
   const FileDescriptor fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY));
   SmallFile file;
   if (!fd || ::fstat(fd.get(), &file.state) != 0) return invalid(flag, path + ": " + std::strerror(errno));
-  if (!S_ISREG(file.state.st_mode)) return invalid(flag, path + ": must be a regular file, not a folder, a pipe or a device");
+  if (!S_ISREG(file.state.st_mode))
+    return invalid(flag, path + ": must be a regular file, not a folder, a pipe or a device");
   char buffer[4096];
   for (;;) {
     const ssize_t size = ::read(fd.get(), buffer, sizeof(buffer));
@@ -55,7 +56,11 @@ std::string exposed_by_mode(const std::string& path, bool secret) {
   if (!writes && !reads) return {};
   char mode[32];
   std::snprintf(mode, sizeof(mode), "%04o", static_cast<unsigned>(state.st_mode & 07777));
-  return path + ": others can " + (writes && reads ? "read and write" : writes ? "write" : "read") + " it (mode " + mode + ")";
+  return path + ": others can " +
+         (writes && reads ? "read and write"
+          : writes        ? "write"
+                          : "read") +
+         " it (mode " + mode + ")";
 }
 
 }  // namespace sightline

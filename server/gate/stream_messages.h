@@ -9,11 +9,12 @@
 
 namespace sightline {
 
-// Follows the messages of gRPC in the DATA frames of a stream: each has a flag and its length before it. It reads nothing else of them.
-// Not thread-safe.
+// Follows the messages of gRPC in the DATA frames of a stream: each has a flag and its length before it. It reads
+// nothing else of them. Not thread-safe.
 class StreamMessages {
  public:
-  // Beside the payload, each frame takes its head, which stays in memory with it, and an entry in gRPC's list of slices.
+  // Beside the payload, each frame takes its head, which stays in memory with it, and an entry in gRPC's list of
+  // slices.
   static constexpr size_t kBytesOfFrame = 9 + 32;
 
   void begin_frame() { ++frames_, ++unfinished_frames_; }
@@ -33,7 +34,8 @@ class StreamMessages {
     if (held_payload() == 0) frames_ = 0;
     return completed;
   }
-  // The server has taken so many bytes from the stream, or is ready to take so many more of a message that it waits for.
+  // The server has taken so many bytes from the stream, or is ready to take so many more of a message that it waits
+  // for.
   void grant(uint32_t bytes) {
     const uint64_t before = unread();
     granted_ += bytes;
@@ -42,7 +44,8 @@ class StreamMessages {
     if (held_payload() == 0) frames_ = 0;
   }
 
-  // An upper estimate, in bytes. A message that is not complete is held as a whole; complete ones until the server lets the client send on.
+  // An upper estimate, in bytes. A message that is not complete is held as a whole; complete ones until the server lets
+  // the client send on.
   size_t held_bytes() const {
     const uint64_t payload = held_payload();
     return payload > 0 ? payload + frames_ * kBytesOfFrame : 0;

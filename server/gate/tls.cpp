@@ -44,7 +44,8 @@ int no_password(char*, int, int, void*) {
   return 0;
 }
 
-// The last line that is not empty begins like the mark of a block, but does not end one: the file is cut off within its mark.
+// The last line that is not empty begins like the mark of a block, but does not end one: the file is cut off within its
+// mark.
 bool ends_within_mark(const std::string& text) {
   const size_t end = text.find_last_not_of(" \t\r\n");
   if (end == std::string::npos) return false;
@@ -57,11 +58,14 @@ bool ends_within_mark(const std::string& text) {
 Result<std::vector<Certificate>> read_certificates(const std::string& text, const char* flag) {
   std::vector<Certificate> found;
   const Bio bio = text_bio(text);
-  while (X509* next = PEM_read_bio_X509(bio.get(), nullptr, &no_password, nullptr)) found.emplace_back(next, &X509_free);
+  while (X509* next = PEM_read_bio_X509(bio.get(), nullptr, &no_password, nullptr))
+    found.emplace_back(next, &X509_free);
   const bool at_end = ERR_GET_REASON(ERR_peek_last_error()) == PEM_R_NO_START_LINE && !ends_within_mark(text);
   const std::string reason = openssl_reason();
   if (found.empty() && at_end) return invalid(flag, "the file holds no certificate in PEM format");
-  if (!at_end) return invalid(flag, "certificate " + std::to_string(found.size() + 1) + " of the file is cut off or damaged: " + reason);
+  if (!at_end)
+    return invalid(flag,
+                   "certificate " + std::to_string(found.size() + 1) + " of the file is cut off or damaged: " + reason);
   return found;
 }
 
@@ -72,7 +76,8 @@ Status use_certificate(SSL_CTX* context, const std::string& text) {
   if (SSL_CTX_use_certificate(context, chain.front().get()) != 1) return invalid(kCertificate, openssl_reason());
   for (size_t i = 1; i < chain.size(); ++i)
     if (SSL_CTX_add1_chain_cert(context, chain[i].get()) != 1) return invalid(kCertificate, openssl_reason());
-  if (X509_cmp_current_time(X509_get0_notAfter(chain.front().get())) <= 0) return invalid(kCertificate, "the certificate has expired");
+  if (X509_cmp_current_time(X509_get0_notAfter(chain.front().get())) <= 0)
+    return invalid(kCertificate, "the certificate has expired");
   return {};
 }
 
@@ -91,14 +96,16 @@ Status use_client_ca(SSL_CTX* context, const std::string& text) {
   const auto roots = read_certificates(text, kClientCa);
   if (!roots) return tl::unexpected(roots.error());
   for (const Certificate& root : *roots) {
-    if (X509_STORE_add_cert(SSL_CTX_get_cert_store(context), root.get()) != 1 || SSL_CTX_add_client_CA(context, root.get()) != 1)
+    if (X509_STORE_add_cert(SSL_CTX_get_cert_store(context), root.get()) != 1 ||
+        SSL_CTX_add_client_CA(context, root.get()) != 1)
       return invalid(kClientCa, openssl_reason());
   }
   SSL_CTX_set_verify(context, SSL_VERIFY_PEER | SSL_VERIFY_FAIL_IF_NO_PEER_CERT, nullptr);
   return {};
 }
 
-int choose_http2(SSL*, const unsigned char** chosen, unsigned char* size, const unsigned char* offered, unsigned offered_size, void*) {
+int choose_http2(SSL*, const unsigned char** chosen, unsigned char* size, const unsigned char* offered,
+                 unsigned offered_size, void*) {
   unsigned char* found = nullptr;
   const int result = SSL_select_next_proto(&found, size, kHttp2, sizeof(kHttp2), offered, offered_size);
   *chosen = found;
@@ -106,7 +113,8 @@ int choose_http2(SSL*, const unsigned char** chosen, unsigned char* size, const 
 }
 
 bool set_up(SSL_CTX* context) {
-  SSL_CTX_set_options(context, SSL_OP_NO_TICKET | SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_COMPRESSION | SSL_OP_CIPHER_SERVER_PREFERENCE);
+  SSL_CTX_set_options(
+      context, SSL_OP_NO_TICKET | SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_COMPRESSION | SSL_OP_CIPHER_SERVER_PREFERENCE);
   SSL_CTX_set_session_cache_mode(context, SSL_SESS_CACHE_OFF);
   SSL_CTX_set_num_tickets(context, 0);
   SSL_CTX_set_mode(context, SSL_MODE_RELEASE_BUFFERS);
@@ -117,7 +125,8 @@ bool set_up(SSL_CTX* context) {
 }
 
 std::string printable(const ASN1_STRING* text) {
-  const std::string name(reinterpret_cast<const char*>(ASN1_STRING_get0_data(text)), static_cast<size_t>(ASN1_STRING_length(text)));
+  const std::string name(reinterpret_cast<const char*>(ASN1_STRING_get0_data(text)),
+                         static_cast<size_t>(ASN1_STRING_length(text)));
   const bool plain = std::all_of(name.begin(), name.end(), [](char c) { return c > ' ' && c < 127; });
   return plain ? name : std::string();
 }
@@ -158,11 +167,13 @@ TlsStream::~TlsStream() = default;
 
 void TlsStream::watch(int write, int, int type, const void* bytes, size_t size, ssl_st*, void* stream) {
   const bool handshake = write == 0 && type == SSL3_RT_HANDSHAKE && size > 0;
-  if (handshake && *static_cast<const unsigned char*>(bytes) == SSL3_MT_KEY_UPDATE) ++static_cast<TlsStream*>(stream)->key_updates_;
+  if (handshake && *static_cast<const unsigned char*>(bytes) == SSL3_MT_KEY_UPDATE)
+    ++static_cast<TlsStream*>(stream)->key_updates_;
 }
 
 bool TlsStream::receive(std::span<const std::byte> sealed) {
-  if (!sealed.empty() && BIO_write(incoming_, sealed.data(), static_cast<int>(sealed.size())) != static_cast<int>(sealed.size())) {
+  if (!sealed.empty() &&
+      BIO_write(incoming_, sealed.data(), static_cast<int>(sealed.size())) != static_cast<int>(sealed.size())) {
     trouble_ = "out of memory";
     return false;
   }
@@ -229,8 +240,9 @@ bool TlsStream::failed(int result) {
 std::string TlsStream::certificate_name() const {
   const Certificate certificate(SSL_get1_peer_certificate(ssl_.get()), &X509_free);
   if (!certificate || SSL_get_verify_result(ssl_.get()) != X509_V_OK) return {};
-  const Names names(static_cast<GENERAL_NAMES*>(X509_get_ext_d2i(certificate.get(), NID_subject_alt_name, nullptr, nullptr)),
-                    &GENERAL_NAMES_free);
+  const Names names(
+      static_cast<GENERAL_NAMES*>(X509_get_ext_d2i(certificate.get(), NID_subject_alt_name, nullptr, nullptr)),
+      &GENERAL_NAMES_free);
   for (const int kind : {GEN_URI, GEN_DNS})
     if (const ASN1_STRING* const name = alternative_name(names.get(), kind)) return printable(name);
   const ASN1_STRING* const name = common_name(certificate.get());
@@ -241,7 +253,8 @@ std::string TlsStream::certificate_name() const {
 // -----------------------------------------------------------------------------------------------------------
 
 TlsKeys::TlsKeys(TlsFiles files)
-    : files_(std::move(files)), settled_({{files_.certificate, kCertificate}, {files_.key, kKey}, {files_.client_ca, kClientCa}}) {}
+    : files_(std::move(files)),
+      settled_({{files_.certificate, kCertificate}, {files_.key, kKey}, {files_.client_ca, kClientCa}}) {}
 
 Result<std::unique_ptr<TlsKeys>> TlsKeys::load(TlsFiles files) {
   std::unique_ptr<TlsKeys> keys(new TlsKeys(std::move(files)));
@@ -271,15 +284,18 @@ Status TlsKeys::take(const SettledFiles::Texts& texts) {
 
 std::vector<std::string> TlsKeys::exposed() const {
   std::vector<std::string> told;
-  for (const auto& [path, secret] : {std::pair(&files_.certificate, false), std::pair(&files_.key, true), std::pair(&files_.client_ca, false)})
+  for (const auto& [path, secret] :
+       {std::pair(&files_.certificate, false), std::pair(&files_.key, true), std::pair(&files_.client_ca, false)})
     if (std::string text = exposed_by_mode(*path, secret); !text.empty()) told.push_back(std::move(text));
   return told;
 }
 
 Result<TlsKeys::Context> TlsKeys::make(const Contents& contents) {
   const Context context(SSL_CTX_new(TLS_server_method()), &SSL_CTX_free);
-  if (!context || !set_up(context.get())) return fail(ErrorCode::kInternal, kCertificate, "OpenSSL did not start: " + openssl_reason());
-  if (Status ok = use_certificate(context.get(), contents.certificate); !ok) return tl::unexpected(std::move(ok.error()));
+  if (!context || !set_up(context.get()))
+    return fail(ErrorCode::kInternal, kCertificate, "OpenSSL did not start: " + openssl_reason());
+  if (Status ok = use_certificate(context.get(), contents.certificate); !ok)
+    return tl::unexpected(std::move(ok.error()));
   if (Status ok = use_key(context.get(), contents.key); !ok) return tl::unexpected(std::move(ok.error()));
   if (contents.client_ca.empty()) return context;
   if (Status ok = use_client_ca(context.get(), contents.client_ca); !ok) return tl::unexpected(std::move(ok.error()));

@@ -1,12 +1,11 @@
 // TLS for accepted connections, with OpenSSL.
 //
-// The gate ends TLS itself, because it must see the frames of HTTP/2 to cut a connection that floods; gRPC gets plain bytes. TLS 1.2 and
-// 1.3 are spoken, with forward secrecy, and the client must ask for "h2" (ALPN). There are no session tickets and no renegotiation: each
-// connection shows its certificate anew.
+// The gate ends TLS itself, because it must see the frames of HTTP/2 to cut a connection that floods; gRPC gets plain
+// bytes. TLS 1.2 and 1.3 are spoken, with forward secrecy, and the client must ask for "h2" (ALPN). There are no
+// session tickets and no renegotiation: each connection shows its certificate anew.
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <cstdint>
 #include <memory>
 #include <mutex>
@@ -49,8 +48,8 @@ class TlsStream {
   // The client has said goodbye.
   bool ended() const { return ended_; }
   const std::string& trouble() const { return trouble_; }
-  // Who the client is by its certificate, which was verified: its first URI, otherwise its first DNS name, otherwise its common name.
-  // Empty when it has shown none, or none with a name of printable characters without spaces.
+  // Who the client is by its certificate, which was verified: its first URI, otherwise its first DNS name, otherwise
+  // its common name. Empty when it has shown none, or none with a name of printable characters without spaces.
   std::string certificate_name() const;
 
  private:
@@ -67,8 +66,8 @@ class TlsStream {
   std::string trouble_;
 };
 
-// PEM files. `certificate`: the server's, followed by those between it and its root. `client_ca`: whose certificates clients must show;
-// empty: clients need none.
+// PEM files. `certificate`: the server's, followed by those between it and its root. `client_ca`: whose certificates
+// clients must show; empty: clients need none.
 struct TlsFiles {
   std::string certificate, key, client_ca;
 };
@@ -79,8 +78,9 @@ class TlsKeys {
   // Fails with kInvalidArgument, field "--tls-cert", "--tls-key" or "--tls-client-ca".
   static Result<std::unique_ptr<TlsKeys>> load(TlsFiles files);
 
-  // Looks at the files again. True: they have changed and settled (SettledFiles), and new connections use them. False: there is nothing new.
-  // When they cannot be used, the result is an error as of `load`, once for each change, and the former ones stay in use.
+  // Looks at the files again. True: they have changed and settled (SettledFiles), and new connections use them. False:
+  // there is nothing new. When they cannot be used, the result is an error as of `load`, once for each change, and the
+  // former ones stay in use.
   Result<bool> reload(SettledFiles::Time now);
   bool settling() const { return settled_.settling(); }
   // What others can do with the files; see exposed_by_mode.

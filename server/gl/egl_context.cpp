@@ -68,14 +68,20 @@ EGLDisplay platform_display(int index) {
 
 // Robust where the driver can, plain otherwise.
 EGLContext create_native(EGLDisplay display) {
-  const std::array<EGLint, 11> robust{EGL_CONTEXT_MAJOR_VERSION, 4, EGL_CONTEXT_MINOR_VERSION, 5,
-                                      EGL_CONTEXT_OPENGL_PROFILE_MASK, EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT,
-                                      EGL_CONTEXT_OPENGL_ROBUST_ACCESS, EGL_TRUE,
-                                      EGL_CONTEXT_OPENGL_RESET_NOTIFICATION_STRATEGY, EGL_LOSE_CONTEXT_ON_RESET,
+  const std::array<EGLint, 11> robust{EGL_CONTEXT_MAJOR_VERSION,
+                                      4,
+                                      EGL_CONTEXT_MINOR_VERSION,
+                                      5,
+                                      EGL_CONTEXT_OPENGL_PROFILE_MASK,
+                                      EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT,
+                                      EGL_CONTEXT_OPENGL_ROBUST_ACCESS,
+                                      EGL_TRUE,
+                                      EGL_CONTEXT_OPENGL_RESET_NOTIFICATION_STRATEGY,
+                                      EGL_LOSE_CONTEXT_ON_RESET,
                                       EGL_NONE};
-  const std::array<EGLint, 7> plain{EGL_CONTEXT_MAJOR_VERSION, 4, EGL_CONTEXT_MINOR_VERSION, 5,
-                                    EGL_CONTEXT_OPENGL_PROFILE_MASK, EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT,
-                                    EGL_NONE};
+  const std::array<EGLint, 7> plain{
+      EGL_CONTEXT_MAJOR_VERSION,           4,       EGL_CONTEXT_MINOR_VERSION, 5, EGL_CONTEXT_OPENGL_PROFILE_MASK,
+      EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT, EGL_NONE};
   const EGLContext context = eglCreateContext(display, EGL_NO_CONFIG_KHR, EGL_NO_CONTEXT, robust.data());
   if (context != EGL_NO_CONTEXT) return context;
   return eglCreateContext(display, EGL_NO_CONFIG_KHR, EGL_NO_CONTEXT, plain.data());
@@ -98,8 +104,7 @@ std::string egl_drm_node(int index) {
   const EGLDeviceEXT device = all[static_cast<size_t>(index)];
   const char* words = eglQueryDeviceStringEXT(device, EGL_EXTENSIONS);
   const char* node = nullptr;
-  if (has_word(words, "EGL_EXT_device_drm_render_node"))
-    node = eglQueryDeviceStringEXT(device, kDrmRenderNodeFile);
+  if (has_word(words, "EGL_EXT_device_drm_render_node")) node = eglQueryDeviceStringEXT(device, kDrmRenderNodeFile);
   if (!node && has_word(words, "EGL_EXT_device_drm")) node = eglQueryDeviceStringEXT(device, EGL_DRM_DEVICE_FILE_EXT);
   return node ? node : "";
 }

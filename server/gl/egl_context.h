@@ -29,9 +29,9 @@ int egl_device_count();
 // The DRM node of a device, empty when it has none or the index is not a device.
 std::string egl_drm_node(int index);
 
-// One OpenGL 4.5 core context with GL_ARB_shader_viewport_layer_array that is never bound to a surface. It is current on at most one
-// thread at a time: see CurrentContext. Displays are shared and stay initialised for the life of the process, because eglTerminate
-// would end every context of a display.
+// One OpenGL 4.5 core context with GL_ARB_shader_viewport_layer_array that is never bound to a surface. It is current
+// on at most one thread at a time: see CurrentContext. Displays are shared and stay initialised for the life of the
+// process, because eglTerminate would end every context of a display.
 class EglContext {
  public:
   // `index` is a device or kSurfacelessIndex. kUnavailable, with the reason, when it has no such context.

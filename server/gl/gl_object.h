@@ -1,5 +1,5 @@
-// Owners of OpenGL names. The context in which an object was made must be current when its owner is destroyed, also after a context
-// loss, when deleting does nothing.
+// Owners of OpenGL names. The context in which an object was made must be current when its owner is destroyed, also
+// after a context loss, when deleting does nothing.
 #pragma once
 
 #include <epoxy/gl.h>

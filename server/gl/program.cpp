@@ -20,7 +20,8 @@ Result<GlShader> compile(GLenum stage, const char* stage_name, const std::string
   glCompileShader(shader.name());
   GLint compiled = GL_FALSE;
   glGetShaderiv(shader.name(), GL_COMPILE_STATUS, &compiled);
-  if (compiled != GL_TRUE) return fail(ErrorCode::kInternal, stage_name, log_of(shader.name(), glGetShaderiv, glGetShaderInfoLog));
+  if (compiled != GL_TRUE)
+    return fail(ErrorCode::kInternal, stage_name, log_of(shader.name(), glGetShaderiv, glGetShaderInfoLog));
   return shader;
 }
 
@@ -37,7 +38,8 @@ Result<GlProgram> make_program(const std::string& vertex_source, const std::stri
   glLinkProgram(program.name());
   GLint linked = GL_FALSE;
   glGetProgramiv(program.name(), GL_LINK_STATUS, &linked);
-  if (linked != GL_TRUE) return fail(ErrorCode::kInternal, "program", log_of(program.name(), glGetProgramiv, glGetProgramInfoLog));
+  if (linked != GL_TRUE)
+    return fail(ErrorCode::kInternal, "program", log_of(program.name(), glGetProgramiv, glGetProgramInfoLog));
   return program;
 }
 

@@ -13,19 +13,26 @@ namespace {
 
 // Taken in at a time, so that no connection holds up the others.
 constexpr size_t kPiece = 4 << 10;
-// What a client may still send after its request. Until it is read, the kernel would reset the connection instead of closing it, and the client might
-// lose the answer.
+// What a client may still send after its request. Until it is read, the kernel would reset the connection instead of
+// closing it, and the client might lose the answer.
 constexpr size_t kMostDiscarded = 256 << 10;
 
 const char* reason_of(int status) {
   switch (status) {
-    case 200: return "OK";
-    case 400: return "Bad Request";
-    case 404: return "Not Found";
-    case 405: return "Method Not Allowed";
-    case 431: return "Request Header Fields Too Large";
-    case 503: return "Service Unavailable";
-    default: return "Internal Server Error";
+    case 200:
+      return "OK";
+    case 400:
+      return "Bad Request";
+    case 404:
+      return "Not Found";
+    case 405:
+      return "Method Not Allowed";
+    case 431:
+      return "Request Header Fields Too Large";
+    case 503:
+      return "Service Unavailable";
+    default:
+      return "Internal Server Error";
   }
 }
 
@@ -51,11 +58,19 @@ short HttpConnection::awaited_events() const {
 
 std::optional<HttpRequest> HttpConnection::advance(Time now) {
   switch (stage_) {
-    case Stage::kRequest: return read_request(now);
-    case Stage::kPage: stage_ = Stage::kOver; break;  // nothing was awaited, so the connection is gone
-    case Stage::kAnswer: send(now); break;
-    case Stage::kClosing: discard(); break;
-    case Stage::kOver: break;
+    case Stage::kRequest:
+      return read_request(now);
+    case Stage::kPage:
+      stage_ = Stage::kOver;
+      break;  // nothing was awaited, so the connection is gone
+    case Stage::kAnswer:
+      send(now);
+      break;
+    case Stage::kClosing:
+      discard();
+      break;
+    case Stage::kOver:
+      break;
   }
   return std::nullopt;
 }
@@ -81,7 +96,8 @@ std::optional<HttpRequest> HttpConnection::read_request(Time now) {
   if (state == HeadState::kWrong)
     answer({.status = 400, .body = "This is no request of HTTP/1.\n"}, false, now);
   else if (received_.size() >= kMostHeadBytes)
-    answer({.status = 431, .body = "A request has at most " + std::to_string(kMostHeadBytes) + " bytes.\n"}, false, now);
+    answer({.status = 431, .body = "A request has at most " + std::to_string(kMostHeadBytes) + " bytes.\n"}, false,
+           now);
   return std::nullopt;
 }
 
@@ -94,7 +110,8 @@ void HttpConnection::wait_for_page(uint64_t number, bool head_only, Time now) {
 void HttpConnection::answer(const HttpAnswer& answer, bool head_only, Time now) {
   received_ = {};
   unsent_ = "HTTP/1.1 " + std::to_string(answer.status) + " " + reason_of(answer.status) + "\r\nContent-Type: ";
-  unsent_.append(answer.content_type) += "\r\nContent-Length: " + std::to_string(answer.body.size()) + "\r\nCache-Control: no-store\r\nConnection: close\r\n\r\n";
+  unsent_.append(answer.content_type) += "\r\nContent-Length: " + std::to_string(answer.body.size()) +
+                                         "\r\nCache-Control: no-store\r\nConnection: close\r\n\r\n";
   if (!head_only) unsent_ += answer.body;
   enter(Stage::kAnswer, now);
   send(now);

@@ -17,7 +17,8 @@ namespace sightline {
 class HttpConnection {
  public:
   using Time = std::chrono::steady_clock::time_point;
-  // The connection waits for the request, for a page from the maker, until the client has taken the answer, until the client closes its side.
+  // The connection waits for the request, for a page from the maker, until the client has taken the answer, until the
+  // client closes its side.
   enum class Stage { kRequest, kPage, kAnswer, kClosing, kOver };
 
   static constexpr size_t kMostHeadBytes = 8 << 10;
@@ -34,7 +35,8 @@ class HttpConnection {
   // For poll().
   short awaited_events() const;
 
-  // Moves what can be moved. Returns the request when its head is complete, once. A head that is wrong or too long is answered here.
+  // Moves what can be moved. Returns the request when its head is complete, once. A head that is wrong or too long is
+  // answered here.
   std::optional<HttpRequest> advance(Time now);
   // Page `number` of the maker is to be the answer.
   void wait_for_page(uint64_t number, bool head_only, Time now);

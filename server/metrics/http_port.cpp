@@ -32,7 +32,8 @@ constexpr std::chrono::milliseconds kLeastTime{25};
 constexpr std::chrono::milliseconds kAfterFailure{20};
 
 int milliseconds_until(steady_clock::time_point time) {
-  return static_cast<int>(std::max<int64_t>(0, std::chrono::ceil<std::chrono::milliseconds>(time - steady_clock::now()).count()));
+  return static_cast<int>(
+      std::max<int64_t>(0, std::chrono::ceil<std::chrono::milliseconds>(time - steady_clock::now()).count()));
 }
 
 HttpAnswer no_such_page(const HttpPort::Pages& pages) {
@@ -95,7 +96,8 @@ void HttpPort::wait() {
   }
   ::poll(awaited.data(), awaited.size(), next == Time::max() ? -1 : milliseconds_until(next));
   uint64_t count = 0;
-  if (awaited[0].revents != 0) [[maybe_unused]] const ssize_t taken = ::read(wake_.get(), &count, sizeof(count));
+  if (awaited[0].revents != 0) [[maybe_unused]]
+    const ssize_t taken = ::read(wake_.get(), &count, sizeof(count));
   size_t at = 2;
   for (HttpConnection& connection : connections_)
     if (awaited[at++].revents != 0) advance(connection, steady_clock::now());
@@ -104,7 +106,8 @@ void HttpPort::wait() {
 void HttpPort::go_round() {
   const auto now = steady_clock::now();
   take_pages(now);
-  connections_.remove_if([now](const HttpConnection& one) { return one.stage() == Stage::kOver || one.deadline() <= now; });
+  connections_.remove_if(
+      [now](const HttpConnection& one) { return one.stage() == Stage::kOver || one.deadline() <= now; });
   accept(now);
 }
 
@@ -131,13 +134,15 @@ void HttpPort::take_pages(Time now) {
 void HttpPort::accept(Time now) {
   for (int i = 0; i < kAcceptsInRound && now >= accepts_again_; ++i) {
     const auto gives_way = connections_.size() < kMostConnections ? connections_.end() : first_to_go();
-    if (gives_way != connections_.end() && gives_way->stage() < Stage::kClosing && now - gives_way->since() < kLeastTime && !many_wait()) {
+    if (gives_way != connections_.end() && gives_way->stage() < Stage::kClosing &&
+        now - gives_way->since() < kLeastTime && !many_wait()) {
       accepts_again_ = gives_way->since() + kLeastTime;
       return;
     }
     FileDescriptor fd(::accept4(socket_.fd(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
     if (!fd) {
-      if (errno == EMFILE || errno == ENFILE || errno == ENOBUFS || errno == ENOMEM) accepts_again_ = now + kAfterFailure;
+      if (errno == EMFILE || errno == ENFILE || errno == ENOBUFS || errno == ENOMEM)
+        accepts_again_ = now + kAfterFailure;
       return;
     }
     if (gives_way != connections_.end()) connections_.erase(gives_way);
@@ -147,7 +152,8 @@ void HttpPort::accept(Time now) {
   }
 }
 
-// Of those that the kernel has connected. What a client has sent meanwhile is read as soon as its connection is accepted.
+// Of those that the kernel has connected. What a client has sent meanwhile is read as soon as its connection is
+// accepted.
 bool HttpPort::many_wait() const {
   tcp_info info{};
   socklen_t size = sizeof(info);
@@ -157,12 +163,14 @@ bool HttpPort::many_wait() const {
 
 // A connection that has its answer, otherwise the oldest one of the client that has most.
 HttpPort::Connections::iterator HttpPort::first_to_go() {
-  const auto answered = std::find_if(connections_.begin(), connections_.end(), [](const auto& one) { return one.stage() >= Stage::kClosing; });
+  const auto answered = std::find_if(connections_.begin(), connections_.end(),
+                                     [](const auto& one) { return one.stage() >= Stage::kClosing; });
   if (answered != connections_.end()) return answered;
   std::map<std::string_view, size_t> of_client;
   size_t most = 0;
   for (const HttpConnection& one : connections_) most = std::max(most, ++of_client[one.client()]);
-  return std::find_if(connections_.begin(), connections_.end(), [&](const auto& one) { return of_client[one.client()] == most; });
+  return std::find_if(connections_.begin(), connections_.end(),
+                      [&](const auto& one) { return of_client[one.client()] == most; });
 }
 
 }  // namespace sightline

@@ -1,9 +1,10 @@
 // A small HTTP server for pages that are made when they are asked for.
 //
-// It is meant for Prometheus and for probes, on an address that only they can reach: it has neither encryption nor authentication. A probe must be
-// answered whatever other clients do, and when all other threads of the daemon hang. So the server is one thread that never waits for a client. It has a
-// number of places for connections. When all are taken, a new connection gets the place of the oldest one of the client that has most. Servers of
-// libraries give a client its place for as long as it sends a byte now and then.
+// It is meant for Prometheus and for probes, on an address that only they can reach: it has neither encryption nor
+// authentication. A probe must be answered whatever other clients do, and when all other threads of the daemon hang. So
+// the server is one thread that never waits for a client. It has a number of places for connections. When all are
+// taken, a new connection gets the place of the oldest one of the client that has most. Servers of libraries give a
+// client its place for as long as it sends a byte now and then.
 #pragma once
 
 #include <atomic>
@@ -33,8 +34,8 @@ class HttpPort {
 
   static constexpr size_t kMostConnections = 128;
 
-  // Listens at `address`, host:port; port 0 takes a free one. Answers GET and HEAD. What the pages refer to must outlive it. Fails with
-  // kUnavailable or kInvalidArgument, field `field`, when the address cannot be used.
+  // Listens at `address`, host:port; port 0 takes a free one. Answers GET and HEAD. What the pages refer to must
+  // outlive it. Fails with kUnavailable or kInvalidArgument, field `field`, when the address cannot be used.
   static Result<std::unique_ptr<HttpPort>> start(const std::string& address, const std::string& field, Pages pages);
   // Closes the port, and waits for the page that is being made.
   ~HttpPort();

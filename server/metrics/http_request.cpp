@@ -29,7 +29,8 @@ HeadState read_request_head(std::string_view bytes, size_t scanned, HttpRequest&
   std::string_view line = bytes.substr(0, bytes.find('\n'));
   if (line.ends_with('\r')) line.remove_suffix(1);
   const size_t first = line.find(' '), last = line.rfind(' ');
-  if (first == std::string_view::npos || first == 0 || first == last || !line.substr(last + 1).starts_with("HTTP/1.")) return HeadState::kWrong;
+  if (first == std::string_view::npos || first == 0 || first == last || !line.substr(last + 1).starts_with("HTTP/1."))
+    return HeadState::kWrong;
   request.method = line.substr(0, first);
   request.path = path_of(line.substr(first + 1, last - first - 1));
   return HeadState::kComplete;

@@ -12,8 +12,8 @@ struct HttpRequest {
   std::string path;    // "/metrics", without what follows a question mark
 };
 
-// Reads a request of which `bytes` is the beginning. `scanned` says how many bytes an earlier call for the same request has seen, so that a head that comes
-// byte by byte is not searched again and again.
+// Reads a request of which `bytes` is the beginning. `scanned` says how many bytes an earlier call for the same request
+// has seen, so that a head that comes byte by byte is not searched again and again.
 enum class HeadState { kIncomplete, kComplete, kWrong };
 HeadState read_request_head(std::string_view bytes, size_t scanned, HttpRequest& request);
 

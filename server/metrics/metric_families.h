@@ -23,8 +23,8 @@ struct MetricSource {
   std::function<uint64_t()> context_losses;
 };
 
-// All families as they are now, sorted by theme. Every family is there from the start, with the value 0 where nothing has been counted, so
-// that a query never meets a missing series. Thread-safe; takes about a millisecond.
+// All families as they are now, sorted by theme. Every family is there from the start, with the value 0 where nothing
+// has been counted, so that a query never meets a missing series. Thread-safe; takes about a millisecond.
 std::vector<prometheus::MetricFamily> metric_families(const MetricSource& source);
 
 }  // namespace sightline

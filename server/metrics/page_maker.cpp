@@ -20,9 +20,7 @@ constexpr std::chrono::milliseconds kLongestRest{100};
 
 }  // namespace
 
-HttpAnswer made(const MakePage& make) try {
-  return make();
-} catch (const std::exception&) {
+HttpAnswer made(const MakePage& make) try { return make(); } catch (const std::exception&) {
   return {.status = 500, .body = "The page could not be made.\n"};
 }
 

@@ -1,6 +1,7 @@
 // Makes the pages that take longer, on a thread of its own, so that no other page waits for them.
 //
-// However often it is asked, it works for a quarter of the time at most. All who ask before a page is begun get the same one.
+// However often it is asked, it works for a quarter of the time at most. All who ask before a page is begun get the
+// same one.
 #pragma once
 
 #include <condition_variable>

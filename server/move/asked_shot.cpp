@@ -22,12 +22,15 @@ glm::dvec3 right_of(const glm::dvec3& forward) {
   return {-forward.z, 0, forward.x};
 }
 
-// The bodies as a camera sees them: the lower and the upper end of each, as boxes in planes at right angles to its view.
+// The bodies as a camera sees them: the lower and the upper end of each, as boxes in planes at right angles to its
+// view.
 class SubjectBoxes {
  public:
-  SubjectBoxes(std::span<const TrackedTarget> subjects, const glm::dvec3& center_m, const PlaceInFrame& place, double frame_yaw_rad) {
+  SubjectBoxes(std::span<const TrackedTarget> subjects, const glm::dvec3& center_m, const PlaceInFrame& place,
+               double frame_yaw_rad) {
     const glm::dvec3 direction = offset_in_frame({place.side_rad, place.height_rad, 1.0}, frame_yaw_rad);
-    const glm::dvec3 right = glm::cross(glm::dvec3(0, 1, 0), offset_in_frame({place.side_rad, 0.0, 1.0}, frame_yaw_rad));
+    const glm::dvec3 right = glm::cross(glm::dvec3(0, 1, 0),
+                                        offset_in_frame({place.side_rad, 0.0, 1.0}, frame_yaw_rad));
     const glm::dvec3 up = glm::cross(direction, right);
     const auto add = [&](const glm::dvec3& at_m, double aside_m, double above_m) {
       const double x_m = glm::dot(at_m, right), y_m = glm::dot(at_m, up);
@@ -39,7 +42,8 @@ class SubjectBoxes {
         add(at_m, subject.radius_m, subject.radius_m);
         continue;
       }
-      for (const double end_m : {-subject.low_m, subject.high_m}) add(at_m + glm::dvec3(0, end_m, 0), subject.aside_m, subject.aside_m * std::abs(direction.y));
+      for (const double end_m : {-subject.low_m, subject.high_m})
+        add(at_m + glm::dvec3(0, end_m, 0), subject.aside_m, subject.aside_m * std::abs(direction.y));
     }
   }
   // Of the box nearest to the camera, from the centre towards it.
@@ -91,8 +95,11 @@ PlaceInFrame place_in_frame(const glm::dvec3& offset_m, double frame_yaw_rad) {
 
 double first_side_rad(const AskedShot& asked, double now_rad) {
   if (!asked.side_rad) return now_rad;
-  const auto away_rad = [&](double side_rad) { return std::abs(std::remainder(side_rad - now_rad, 2 * std::numbers::pi)); };
-  return asked.either_side && away_rad(-*asked.side_rad) < away_rad(*asked.side_rad) ? -*asked.side_rad : *asked.side_rad;
+  const auto away_rad = [&](double side_rad) {
+    return std::abs(std::remainder(side_rad - now_rad, 2 * std::numbers::pi));
+  };
+  return asked.either_side && away_rad(-*asked.side_rad) < away_rad(*asked.side_rad) ? -*asked.side_rad
+                                                                                     : *asked.side_rad;
 }
 
 PlaceInFrame blend(const PlaceInFrame& from, const PlaceInFrame& to, double share) {
@@ -102,12 +109,13 @@ PlaceInFrame blend(const PlaceInFrame& from, const PlaceInFrame& to, double shar
   between.side_rad = from.side_rad + eased * std::remainder(to.side_rad - from.side_rad, 2 * std::numbers::pi);
   between.height_rad = std::lerp(from.height_rad, to.height_rad, eased);
   // In equal steps of size.
-  between.distance_m = std::exp(std::lerp(std::log(std::max(from.distance_m, kNearestM)), std::log(std::max(to.distance_m, kNearestM)), eased));
+  between.distance_m = std::exp(
+      std::lerp(std::log(std::max(from.distance_m, kNearestM)), std::log(std::max(to.distance_m, kNearestM)), eased));
   return between;
 }
 
-double distance_for_size_m(double size, std::span<const TrackedTarget> subjects, const glm::dvec3& center_m, const PlaceInFrame& place, double frame_yaw_rad,
-                           const Lens& lens) {
+double distance_for_size_m(double size, std::span<const TrackedTarget> subjects, const glm::dvec3& center_m,
+                           const PlaceInFrame& place, double frame_yaw_rad, const Lens& lens) {
   const SubjectBoxes boxes(subjects, center_m, place, frame_yaw_rad);
   // The size falls with the distance.
   double near_m = std::max(boxes.nearest_m(), 0.0) + kNearestM, far_m = near_m + 1;

@@ -1,7 +1,8 @@
 // The shot that a client asks for (contract: Shot in shot.proto), and its place relative to its subjects.
 //
-// A shot is measured in a frame: a horizontal direction, given by its yaw. Its side is the azimuth of the camera from that direction, seen
-// from the middle of the subjects; positive is to the right of somebody who faces along the direction.
+// A shot is measured in a frame: a horizontal direction, given by its yaw. Its side is the azimuth of the camera from
+// that direction, seen from the middle of the subjects; positive is to the right of somebody who faces along the
+// direction.
 #pragma once
 
 #include <cstdint>
@@ -43,7 +44,7 @@ struct AskedShot {
   bool lead_by_heading = false;         // by where the subject faces, not by where it goes
   double roll_rad = 0.0;                // as ViewAngles::roll_rad, within +-pi/4
   double min_vertical_fov_rad = 0.0, max_vertical_fov_rad = 0.0;  // the lens range; 0: the settings give it
-  double weight = 1.0;     // factor of MoveSettings::keep_shot, [0, 10]
+  double weight = 1.0;                                            // factor of MoveSettings::keep_shot, [0, 10]
   double tolerance = 1.0;  // how wide the free bands of its properties are (picture_worth.h), [0, 3]
   bool cut = false;
   double blend_s = 0.0;
@@ -56,18 +57,21 @@ std::optional<double> yaw_of(const glm::dvec3& direction);
 struct PlaceInFrame {
   double side_rad = 0.0, height_rad = 0.0, distance_m = 0.0;
 };
-// The offset from the middle of the subjects to the camera, world axes, in a frame of this yaw; and back. From right above or below, the side is 0.
+// The offset from the middle of the subjects to the camera, world axes, in a frame of this yaw; and back. From right
+// above or below, the side is 0.
 glm::dvec3 offset_in_frame(const PlaceInFrame& place, double frame_yaw_rad);
 PlaceInFrame place_in_frame(const glm::dvec3& offset_m, double frame_yaw_rad);
-// The side of a shot that begins while the camera is at the side `now_rad`. It is `now_rad` where the client sent none. With either_side it is the sent side or its
-// mirror image, whichever is nearer to `now_rad`.
+// The side of a shot that begins while the camera is at the side `now_rad`. It is `now_rad` where the client sent none.
+// With either_side it is the sent side or its mirror image, whichever is nearer to `now_rad`.
 double first_side_rad(const AskedShot& asked, double now_rad);
-// From `from` (share 0) to `to` (share 1) along the shorter way round. The share is eased: the way begins and ends gently.
+// From `from` (share 0) to `to` (share 1) along the shorter way round. The share is eased: the way begins and ends
+// gently.
 PlaceInFrame blend(const PlaceInFrame& from, const PlaceInFrame& to, double share);
 
-// The distance from `center_m`, at the angles of `place` in a frame of this yaw, from which the bodies of these subjects have this size in the picture:
-// the greater of their height and their width, each as a share of the picture's. At least one subject.
-double distance_for_size_m(double size, std::span<const TrackedTarget> subjects, const glm::dvec3& center_m, const PlaceInFrame& place, double frame_yaw_rad,
-                           const Lens& lens);
+// The distance from `center_m`, at the angles of `place` in a frame of this yaw, from which the bodies of these
+// subjects have this size in the picture: the greater of their height and their width, each as a share of the
+// picture's. At least one subject.
+double distance_for_size_m(double size, std::span<const TrackedTarget> subjects, const glm::dvec3& center_m,
+                           const PlaceInFrame& place, double frame_yaw_rad, const Lens& lens);
 
 }  // namespace sightline

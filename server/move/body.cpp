@@ -13,13 +13,15 @@ namespace {
 // Sweeps start this much inside the measured clearance, so that a camera that touches its skin can still slide.
 constexpr double kSweepSlackM = 0.002;
 
-// A camera that is closer than its skin comes nearer by no more than this in a step, and always stays farther away than a sweep's error.
+// A camera that is closer than its skin comes nearer by no more than this in a step, and always stays farther away than
+// a sweep's error.
 constexpr double kNearerM = 1e-6, kNeverPressedM = 2e-9;
 
 // Distance kept from moving colliders beyond the body radius, since their velocity may change.
 constexpr double kEvadeRoomM = 0.1;
 
-// The radius to sweep from a position with this clearance: the body with its whole skin, or less where the camera is already closer.
+// The radius to sweep from a position with this clearance: the body with its whole skin, or less where the camera is
+// already closer.
 double sweep_radius_m(double clearance_m, double body_m) {
   return std::clamp(clearance_m - kSweepSlackM, body_m, body_m + kBodySkinM);
 }
@@ -30,8 +32,8 @@ double clearance_reach_m(double body_m) {
 
 class SafetyCheck {
  public:
-  SafetyCheck(const CameraState& camera, const CameraLimits& limits, const Lens& lens,
-              const ClearanceField& field, double dt_s)
+  SafetyCheck(const CameraState& camera, const CameraLimits& limits, const Lens& lens, const ClearanceField& field,
+              double dt_s)
       : camera_(camera),
         limits_(limits),
         field_(field),
@@ -109,7 +111,8 @@ class SafetyCheck {
   size_t blocker_ = ClearanceField::kNoBlocker;
 };
 
-// The velocity that leaves the most room: out of the collider that the body touches, or midway between opposite surfaces.
+// The velocity that leaves the most room: out of the collider that the body touches, or midway between opposite
+// surfaces.
 glm::dvec3 roomiest(const SafetyCheck& check) {
   const glm::dvec3 out = check.velocity_out();
   glm::dvec3 best(0.0);
@@ -147,7 +150,8 @@ class WayOut {
   static constexpr double kFarthestOutM = 10.0;
   // Spread evenly over the sphere, about 25 degrees apart; the shortest way is then sought in between.
   static constexpr int kDirections = 64;
-  // A way that turns out longer than the shortest by less than this factor may lead across the nearest surface, only aslant.
+  // A way that turns out longer than the shortest by less than this factor may lead across the nearest surface, only
+  // aslant.
   static constexpr double kAslant = 1.3;
   static constexpr double kShortestStepM = 0.005;
   static constexpr int kMostSteps = 64;
@@ -170,12 +174,13 @@ class WayOut {
     return {flat * std::cos(turn), y, flat * std::sin(turn)};
   }
 
-  // Tries directions round the best one, `aside` radians apart. Where several surfaces leave little room, the shortest way is
-  // across none of them.
+  // Tries directions round the best one, `aside` radians apart. Where several surfaces leave little room, the shortest
+  // way is across none of them.
   void try_beside(double aside) {
     if (!found_m_) return;
     const glm::dvec3 best = glm::normalize(*found_m_ - from_m_);
-    const glm::dvec3 across = glm::normalize(glm::cross(best, std::abs(best.y) < 0.9 ? glm::dvec3(0, 1, 0) : glm::dvec3(1, 0, 0)));
+    const glm::dvec3 across = glm::normalize(
+        glm::cross(best, std::abs(best.y) < 0.9 ? glm::dvec3(0, 1, 0) : glm::dvec3(1, 0, 0)));
     const glm::dvec3 other = glm::cross(best, across);
     for (int i = 0; i < 8; ++i) {
       const double turn = i * std::numbers::pi / 4;
@@ -192,7 +197,8 @@ class WayOut {
     least_m_ = distance_m, found_m_ = place_m;
   }
 
-  // Goes as far in each step as no free place can be nearer. From inside a solid the ball has to pass the nearest surface whole.
+  // Goes as far in each step as no free place can be nearer. From inside a solid the ball has to pass the nearest
+  // surface whole.
   std::optional<glm::dvec3> first_free_m(const glm::dvec3& direction, double most_m) const {
     double gone_m = first_step_m_;
     for (int step = 0; step < kMostSteps && gone_m <= most_m; ++step) {
@@ -245,12 +251,13 @@ struct Evasion {
   }
 };
 
-// `velocity_mps` if it leaves the body room; else the velocity towards the side with the most. The straight way from a mover may end at a wall, such as
-// that of a doorway whose door shuts.
+// `velocity_mps` if it leaves the body room; else the velocity towards the side with the most. The straight way from a
+// mover may end at a wall, such as that of a doorway whose door shuts.
 glm::dvec3 roomier(const Evasion& evasion, const glm::dvec3& velocity_mps, double body_m) {
   double most_m = evasion.room_m(velocity_mps);
   if (most_m >= body_m) return velocity_mps;
-  const double speed_mps = std::min(evasion.limits.max_speed_mps, evasion.limits.max_acceleration_mps2 * kEvadeS.back());
+  const double speed_mps = std::min(evasion.limits.max_speed_mps,
+                                    evasion.limits.max_acceleration_mps2 * kEvadeS.back());
   glm::dvec3 best_mps = velocity_mps;
   for (int x = -1; x <= 1; ++x)
     for (int y = -1; y <= 1; ++y)

@@ -15,8 +15,7 @@ constexpr double kHalfPi = std::numbers::pi / 2;
 double fitting_distance_m(std::span<const TrackedTarget> targets, const glm::dvec3& center_m,
                           const glm::dvec3& outwards, const Lens& lens, double margin) {
   const glm::dquat camera = look_rotation(-outwards, {0, 1, 0}, {1, 0, 0});
-  const double half_y = lens.vertical_fov_rad / 2 * (1 - margin),
-               half_x = half_horizontal_fov_rad(lens) * (1 - margin);
+  const double half_y = lens.vertical_fov_rad / 2 * (1 - margin), half_x = half_horizontal_fov_rad(lens) * (1 - margin);
   double distance = 0;
   for (const TrackedTarget& t : targets) {
     if (!t.steered()) continue;
@@ -61,20 +60,19 @@ glm::dvec3 desired_place_m(std::span<const TrackedTarget> targets, const glm::dv
   const glm::dvec3 center = weighted_center_m(targets);
   glm::dvec3 offset = glm::length(offset_m) > 1e-6 ? offset_m : glm::dvec3(0, 0, 1e-3);
   if (settings.follow == Follow::kStay) return center + offset_m;
-  const double elevation =
-      std::clamp(elevation_rad(offset), settings.min_elevation_rad, settings.max_elevation_rad);
+  const double elevation = std::clamp(elevation_rad(offset), settings.min_elevation_rad, settings.max_elevation_rad);
   offset = with_elevation(offset, elevation);
   const glm::dvec3 outwards = glm::normalize(offset);
   double nearest_allowed = fitting_distance_m(targets, center, outwards, lens, framing_margin);
   for (const TrackedTarget& t : targets)
     if (t.steered())
-      nearest_allowed =
-          std::max(nearest_allowed, glm::dot(t.aim_m - center, outwards) + settings.min_distance_m);
+      nearest_allowed = std::max(nearest_allowed, glm::dot(t.aim_m - center, outwards) + settings.min_distance_m);
   const double distance = std::min(std::max(glm::length(offset), nearest_allowed), settings.max_distance_m);
   return center + outwards * distance;
 }
 
-glm::dvec3 farthest_place_m(std::span<const TrackedTarget> targets, const glm::dvec3& offset_m, const MoveSettings& settings) {
+glm::dvec3 farthest_place_m(std::span<const TrackedTarget> targets, const glm::dvec3& offset_m,
+                            const MoveSettings& settings) {
   const glm::dvec3 offset = glm::length(offset_m) > 1e-6 ? offset_m : glm::dvec3(0, 0, 1e-3);
   const double elevation = std::clamp(elevation_rad(offset), settings.min_elevation_rad, settings.max_elevation_rad);
   return weighted_center_m(targets) + glm::normalize(with_elevation(offset, elevation)) * settings.max_distance_m;
@@ -87,8 +85,8 @@ PlaceLimits::PlaceLimits(std::span<const TrackedTarget> targets, const MoveSetti
       low_(std::cos(settings.min_elevation_rad), std::sin(settings.min_elevation_rad)),
       high_(std::cos(settings.max_elevation_rad), std::sin(settings.max_elevation_rad)) {}
 
-// An elevation e is above a limit l when sin(e - l) > 0, which is (y cos l - flat sin l) / distance. So the arc tangent is only needed
-// where that is within rounding of 0.
+// An elevation e is above a limit l when sin(e - l) > 0, which is (y cos l - flat sin l) / distance. So the arc tangent
+// is only needed where that is within rounding of 0.
 bool PlaceLimits::hold(const glm::dvec3& place_m) const {
   for (const TrackedTarget& t : targets_)
     if (t.steered() && glm::distance(place_m, t.aim_m) < settings_.min_distance_m) return false;
@@ -96,15 +94,15 @@ bool PlaceLimits::hold(const glm::dvec3& place_m) const {
   const double distance_m = glm::length(from_center);
   if (!(distance_m <= settings_.max_distance_m)) return false;
   const double flat_m = std::sqrt(from_center.x * from_center.x + from_center.z * from_center.z);
-  const double over_low = from_center.y * low_.x - flat_m * low_.y, over_high = from_center.y * high_.x - flat_m * high_.y;
+  const double over_low = from_center.y * low_.x - flat_m * low_.y,
+               over_high = from_center.y * high_.x - flat_m * high_.y;
   const double rounding_m = 1e-12 * distance_m;
   if (over_low < -rounding_m || over_high > rounding_m) return false;
   if (over_low > rounding_m && over_high < -rounding_m) return true;
   return within_limits(place_m, targets_, settings_);
 }
 
-bool within_limits(const glm::dvec3& place_m, std::span<const TrackedTarget> targets,
-                   const MoveSettings& settings) {
+bool within_limits(const glm::dvec3& place_m, std::span<const TrackedTarget> targets, const MoveSettings& settings) {
   for (const TrackedTarget& t : targets)
     if (t.steered() && glm::distance(place_m, t.aim_m) < settings.min_distance_m) return false;
   const glm::dvec3 from_center = place_m - weighted_center_m(targets);
@@ -131,7 +129,9 @@ Choice choice_of(uint32_t candidate, const CandidateSet& candidates, std::span<c
   const uint32_t steered = steered_mask(targets);
   if (steered == 0) return {MoveStatus::kHolding, MoveReason::kNoTargets, -1};
   const uint32_t seen = candidates.filtered()[candidate] & steered;
-  const MoveStatus status = seen == 0 ? MoveStatus::kEscaping : seen == steered ? MoveStatus::kTracking : MoveStatus::kPartial;
+  const MoveStatus status = seen == 0         ? MoveStatus::kEscaping
+                            : seen == steered ? MoveStatus::kTracking
+                                              : MoveStatus::kPartial;
   return {status, MoveReason::kBestSoon, static_cast<int>(candidate)};
 }
 

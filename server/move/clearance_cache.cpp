@@ -6,15 +6,18 @@
 namespace sightline {
 namespace {
 
-// Between two surfaces a place is moved to and fro. Openings that need more moves than this are hardly wider than the body.
+// Between two surfaces a place is moved to and fro. Openings that need more moves than this are hardly wider than the
+// body.
 constexpr int kMoves = 6;
 // Each move goes this much farther than the body needs, so that rounding does not ask for another.
 constexpr double kFartherM = 0.005;
-// Where there is room, a place keeps this much more away. Maps of few texels see a little through surfaces that they meet at a slant.
+// Where there is room, a place keeps this much more away. Maps of few texels see a little through surfaces that they
+// meet at a slant.
 constexpr double kMoreRoomM = 0.15;
 
 // The straight free way from a point to a place near it at which a sphere fits.
-std::optional<glm::vec3> way_to_fitting_place(const ClearanceField& field, const glm::dvec3& point_m, double radius_m, double farthest_m) {
+std::optional<glm::vec3> way_to_fitting_place(const ClearanceField& field, const glm::dvec3& point_m, double radius_m,
+                                              double farthest_m) {
   glm::dvec3 place_m = point_m, surface_m;
   for (int k = 0; k < kMoves && field.nearest(place_m, radius_m, surface_m); ++k) {
     const double clearance_m = glm::distance(place_m, surface_m);
@@ -22,7 +25,8 @@ std::optional<glm::vec3> way_to_fitting_place(const ClearanceField& field, const
     place_m += (place_m - surface_m) * ((radius_m - clearance_m + kFartherM) / clearance_m);
     if (glm::distance(place_m, point_m) > farthest_m) return std::nullopt;
   }
-  if (field.nearest(place_m, radius_m, surface_m) || field.free_fraction(point_m, place_m, 1e-3) < 1) return std::nullopt;
+  if (field.nearest(place_m, radius_m, surface_m) || field.free_fraction(point_m, place_m, 1e-3) < 1)
+    return std::nullopt;
   return glm::vec3(place_m - point_m);
 }
 
@@ -65,9 +69,11 @@ bool ClearanceCache::measure_all(const Lattice& lattice, std::span<const glm::dv
   return true;
 }
 
-void ClearanceCache::leave_out_far_ones(const Lattice& lattice, const glm::dvec3& middle_m, std::span<const glm::dvec3> point_m) {
+void ClearanceCache::leave_out_far_ones(const Lattice& lattice, const glm::dvec3& middle_m,
+                                        std::span<const glm::dvec3> point_m) {
   by_distance_.clear();
-  for (size_t i = 0; i < point_m.size(); ++i) by_distance_.emplace_back(glm::distance(point_m[i], middle_m), static_cast<uint32_t>(i));
+  for (size_t i = 0; i < point_m.size(); ++i)
+    by_distance_.emplace_back(glm::distance(point_m[i], middle_m), static_cast<uint32_t>(i));
   std::sort(by_distance_.begin(), by_distance_.end());
   left_out_.assign(point_m.size(), 0);
   uint64_t left = kTestsOfLattice + kTestsOfCells * point_m.size();
@@ -83,7 +89,8 @@ void ClearanceCache::leave_out_far_ones(const Lattice& lattice, const glm::dvec3
 
 void ClearanceCache::measure_others(std::span<const glm::dvec3> position_m, std::span<float> clearance_m) {
   field_.allow(kTestsOfCell + kTestsOfCells * position_m.size());
-  for (size_t i = 0; i < position_m.size(); ++i) clearance_m[i] = static_cast<float>(field_.clearance_m(position_m[i], reach_m_));
+  for (size_t i = 0; i < position_m.size(); ++i)
+    clearance_m[i] = static_cast<float>(field_.clearance_m(position_m[i], reach_m_));
   tests_ += field_.tests();
 }
 

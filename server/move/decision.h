@@ -15,8 +15,8 @@ enum class MoveStatus {
   kHolding,   // no target has a weight, or no candidate can be taken
 };
 
-// Which targets the camera sees from the returned pose. If it sees none, the status says what the camera does about that. "The
-// required targets" are all targets with a weight if none of those is required.
+// Which targets the camera sees from the returned pose. If it sees none, the status says what the camera does about
+// that. "The required targets" are all targets with a weight if none of those is required.
 enum class TrackingStatus {
   kTracking,     // all required targets are seen
   kPartialView,  // not all of them, but a part of some target
@@ -59,26 +59,28 @@ enum class FlightCourse {
   kFarWay,    // blind for long: through the level to the nearest target
   kToShot,    // through a time of less sight to the wanted shot
 };
-// The courses that a decision compared. A loss is the cost of a course over the coming 1.2 s, as a share of what it costs to see no target all that time. It holds what pictures are
-// expected to lack, and how far they depart from the shot. It also holds the distance from the wanted place and the length of the way, so it may exceed 1, up to kMostLoss.
+// The courses that a decision compared. A loss is the cost of a course over the coming 1.2 s, as a share of what it
+// costs to see no target all that time. It holds what pictures are expected to lack, and how far they depart from the
+// shot. It also holds the distance from the wanted place and the length of the way, so it may exceed 1, up to
+// kMostLoss.
 inline constexpr double kMostLoss = 1000.0;
 struct ComparedCourses {
-  std::optional<FlightCourse> taken;  // empty: the camera has no flight plan
+  std::optional<FlightCourse> taken;                        // empty: the camera has no flight plan
   std::optional<double> follow_loss, stay_loss, plan_loss;  // empty: not compared, or the way is blocked
 };
-// How long each fact behind a plan's reason has held, in seconds, at most kFactHoldsS. The maps of two decisions differ by a few texels, and a reason that changed with them would
-// tell a person nothing.
+// How long each fact behind a plan's reason has held, in seconds, at most kFactHoldsS. The maps of two decisions differ
+// by a few texels, and a reason that changed with them would tell a person nothing.
 struct HeldFacts {
   double goal_sees_all_s = 0.0, goal_keeps_shot_s = 0.0, none_sees_all_s = 0.0;
 };
 inline constexpr double kFactHoldsS = 0.3;  // the reason of a plan says what has held for this time
 
 struct WhatIsSeen {
-  uint32_t from_goal = 0;     // the targets that the goal's candidate sees, one bit each
-  uint32_t steered = 0;       // all that count
+  uint32_t from_goal = 0;      // the targets that the goal's candidate sees, one bit each
+  uint32_t steered = 0;        // all that count
   bool somewhere_all = false;  // some candidate sees all of them
-  bool other_shot = false;    // the wanted shot is not the client's own
-  bool keeps_shot = false;    // the goal departs from the client's shot by no more than its free bands
+  bool other_shot = false;     // the wanted shot is not the client's own
+  bool keeps_shot = false;     // the goal departs from the client's shot by no more than its free bands
 };
 // The reason that is true of a course.
 MoveReason reason_of(FlightCourse course, const WhatIsSeen& seen);

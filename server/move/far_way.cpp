@@ -33,7 +33,8 @@ void for_each_beside(const glm::ivec3& cell, Visit visit) {
   for (int z = -1; z <= 1; ++z)
     for (int y = -1; y <= 1; ++y)
       for (int x = -1; x <= 1; ++x)
-        if (x != 0 || y != 0 || z != 0) visit(cell + glm::ivec3(x, y, z), FarWayFinder::kCellM * std::sqrt(x * x + y * y + z * z));
+        if (x != 0 || y != 0 || z != 0)
+          visit(cell + glm::ivec3(x, y, z), FarWayFinder::kCellM * std::sqrt(x * x + y * y + z * z));
 }
 
 }  // namespace
@@ -44,14 +45,18 @@ uint32_t FarWayFinder::node_of(const ClearanceField& field, const glm::ivec3& ce
     if (nodes_[table_[at]].cell == cell) return table_[at];
   if (nodes_.size() == kMostCells) return kNone;
   table_[at] = static_cast<uint32_t>(nodes_.size());
-  nodes_.push_back({.cell = cell, .before = kNone, .clear_m = static_cast<float>(field.clearance_m(point_m(cell), kClearM)),
+  nodes_.push_back({.cell = cell,
+                    .before = kNone,
+                    .clear_m = static_cast<float>(field.clearance_m(point_m(cell), kClearM)),
                     .length_m = INFINITY});
   return table_[at];
 }
 
 void FarWayFinder::offer(uint32_t node, uint32_t before, double length_m, const FarWayInput& input) {
   Node& offered = nodes_[node];
-  if (offered.is_settled || length_m >= offered.length_m || glm::distance(point_m(offered.cell), input.to_m) < input.keep_off_m) return;
+  if (offered.is_settled || length_m >= offered.length_m ||
+      glm::distance(point_m(offered.cell), input.to_m) < input.keep_off_m)
+    return;
   offered.length_m = length_m, offered.before = before;
   heap_.push_back({length_m + kGreed * glm::distance(point_m(offered.cell), input.to_m), node});
   std::push_heap(heap_.begin(), heap_.end());
@@ -67,15 +72,18 @@ void FarWayFinder::begin(const ClearanceField& field, const FarWayInput& input) 
   const auto enter = [&](const glm::ivec3& cell) {
     const uint32_t node = node_of(field, cell);
     const glm::dvec3 at_m = point_m(cell);
-    if (nodes_[node].clear_m < input.body_radius_m || !field.is_free(input.from_m, at_m, input.body_radius_m, blocker)) return;
+    if (nodes_[node].clear_m < input.body_radius_m || !field.is_free(input.from_m, at_m, input.body_radius_m, blocker))
+      return;
     offer(node, kNone, glm::distance(input.from_m, at_m), input);
   };
   enter(own);
   for_each_beside(own, [&](const glm::ivec3& cell, double) { enter(cell); });
 }
 
-// The balls around both ends that touch no surface hold the body on the whole leg if they overlap by its width. Only other legs are swept.
-bool FarWayFinder::is_free(const ClearanceField& field, const FarWayInput& input, const Node& from, const Node& to, double leg_m) const {
+// The balls around both ends that touch no surface hold the body on the whole leg if they overlap by its width. Only
+// other legs are swept.
+bool FarWayFinder::is_free(const ClearanceField& field, const FarWayInput& input, const Node& from, const Node& to,
+                           double leg_m) const {
   if (to.clear_m < input.body_radius_m) return false;
   if (from.clear_m + to.clear_m >= leg_m + 2 * input.body_radius_m) return true;
   size_t blocker = ClearanceField::kNoBlocker;
@@ -103,7 +111,8 @@ void FarWayFinder::write(uint32_t node, WayPoints& points_m) {
   for (; node != kNone; node = nodes_[node].before) back_.push_back(node);
   for (size_t k = back_.size(); k-- > 0 && points_m.size() < WayPoints::kMost;) {
     const glm::ivec3& cell = nodes_[back_[k]].cell;
-    const bool is_corner = k == 0 || k + 1 == back_.size() || nodes_[back_[k - 1]].cell - cell != cell - nodes_[back_[k + 1]].cell;
+    const bool is_corner = k == 0 || k + 1 == back_.size() ||
+                           nodes_[back_[k - 1]].cell - cell != cell - nodes_[back_[k + 1]].cell;
     if (is_corner) points_m.push_back(point_m(cell));
   }
 }

@@ -1,8 +1,9 @@
-// The way through free space to a point far beyond the bound, for a camera that does not see its targets: A* (Hart, Nilsson and
-// Raphael 1968) over a cubic grid fixed in the world.
+// The way through free space to a point far beyond the bound, for a camera that does not see its targets: A* (Hart,
+// Nilsson and Raphael 1968) over a cubic grid fixed in the world.
 //
-// The lattice of candidates is as coarse as the bound is large, and the targets' trail may lead where no camera can go, such as through the
-// floor of a lift's cabin. This grid has the body's size, so a way through a door is found wherever there is one, as far as the search may look.
+// The lattice of candidates is as coarse as the bound is large, and the targets' trail may lead where no camera can go,
+// such as through the floor of a lift's cabin. This grid has the body's size, so a way through a door is found wherever
+// there is one, as far as the search may look.
 #pragma once
 
 #include <cstdint>
@@ -18,14 +19,17 @@ namespace sightline {
 // Points of a way, the next one first, without the position where it begins.
 using WayPoints = InlineVector<glm::dvec3, 32>;
 
-// How long the camera has not seen its targets, or is expected to see fewer of them than it could, and where it goes then.
+// How long the camera has not seen its targets, or is expected to see fewer of them than it could, and where it goes
+// then.
 struct BlindState {
-  double blind_s = 0.0;       // since it saw any of them
-  // For which the wanted shot has been known to show more of them. Falls while it does not, and while the camera sees nobody and has no way.
+  double blind_s = 0.0;  // since it saw any of them
+  // For which the wanted shot has been known to show more of them. Falls while it does not, and while the camera sees
+  // nobody and has no way.
   double shot_gains_s = 0.0;
-  double searched_s = 1e3;    // since the last search for a way; at first that was long ago
-  WayPoints way_m;            // empty: none was found or needed
-  // The nearest place with a view when it was last looked for, and how long ago that was. Empty: the camera is not on its way to one.
+  double searched_s = 1e3;  // since the last search for a way; at first that was long ago
+  WayPoints way_m;          // empty: none was found or needed
+  // The nearest place with a view when it was last looked for, and how long ago that was. Empty: the camera is not on
+  // its way to one.
   std::optional<glm::dvec3> view_m;
   double view_s = 0.0;
 };
@@ -53,18 +57,21 @@ class FarWayFinder {
   struct Node {
     glm::ivec3 cell{0};
     uint32_t before = 0;
-    float clear_m = 0;     // to the nearest collider, at most kClearM
-    double length_m = 0;   // of the way to it
+    float clear_m = 0;    // to the nearest collider, at most kClearM
+    double length_m = 0;  // of the way to it
     bool is_settled = false;
   };
   struct Entry {
     double cost_m;
     uint32_t node;
-    bool operator<(const Entry& other) const { return cost_m != other.cost_m ? cost_m > other.cost_m : node > other.node; }
+    bool operator<(const Entry& other) const {
+      return cost_m != other.cost_m ? cost_m > other.cost_m : node > other.node;
+    }
   };
   void begin(const ClearanceField& field, const FarWayInput& input);
   void spread(const ClearanceField& field, const FarWayInput& input, uint32_t from);
-  bool is_free(const ClearanceField& field, const FarWayInput& input, const Node& from, const Node& to, double leg_m) const;
+  bool is_free(const ClearanceField& field, const FarWayInput& input, const Node& from, const Node& to,
+               double leg_m) const;
   void offer(uint32_t node, uint32_t before, double length_m, const FarWayInput& input);
   static bool arrives(const ClearanceField& field, const FarWayInput& input, const glm::dvec3& at_m);
   void write(uint32_t node, WayPoints& points_m);

@@ -51,16 +51,22 @@ struct LegEnds {
 };
 
 SIGHTLINE_VECTOR_CLONES
-void mark_leg(const LegEnds& here, const LegEnds& there, size_t count, float body_m, const glm::vec3& leg_m, uint32_t bit,
-              uint32_t* __restrict legs) {
-  const float *__restrict clear = here.clear_m, *__restrict x = here.x_m, *__restrict y = here.y_m, *__restrict z = here.z_m;
-  const float *__restrict clear_there = there.clear_m, *__restrict x_there = there.x_m, *__restrict y_there = there.y_m,
-              *__restrict z_there = there.z_m;
+void mark_leg(const LegEnds& here, const LegEnds& there, size_t count, float body_m, const glm::vec3& leg_m,
+              uint32_t bit, uint32_t* __restrict legs) {
+  const float* __restrict clear = here.clear_m;
+  const float* __restrict x = here.x_m;
+  const float* __restrict y = here.y_m;
+  const float* __restrict z = here.z_m;
+  const float* __restrict clear_there = there.clear_m;
+  const float* __restrict x_there = there.x_m;
+  const float* __restrict y_there = there.y_m;
+  const float* __restrict z_there = there.z_m;
   const float leg_x = leg_m.x, leg_y = leg_m.y, leg_z = leg_m.z;
   for (size_t i = 0; i < count; ++i) {
     const float dx = leg_x + x_there[i] - x[i], dy = leg_y + y_there[i] - y[i], dz = leg_z + z_there[i] - z[i];
     const float clear_of_both = clear[i] + clear_there[i] - static_cast<float>(kNoCrossingM);
-    const bool fits = (clear[i] >= body_m) & (clear_there[i] >= body_m) & (clear_of_both * clear_of_both > dx * dx + dy * dy + dz * dz);
+    const bool fits = (clear[i] >= body_m) & (clear_there[i] >= body_m) &
+                      (clear_of_both * clear_of_both > dx * dx + dy * dy + dz * dz);
     legs[i] |= fits ? bit : 0u;
   }
 }
@@ -81,8 +87,8 @@ void add_to(const float* __restrict values, size_t count, float factor, float* _
 
 // The values of a leg's end that lies between two slices, and what the slices on the way cost there.
 SIGHTLINE_VECTOR_CLONES
-void arrive_between(const float* __restrict before, const float* __restrict after, const float* __restrict on_the_way, size_t count, float rest,
-                    float* __restrict values) {
+void arrive_between(const float* __restrict before, const float* __restrict after, const float* __restrict on_the_way,
+                    size_t count, float rest, float* __restrict values) {
   for (size_t i = 0; i < count; ++i) values[i] = before[i] + rest * (after[i] - before[i]) + on_the_way[i];
 }
 
@@ -116,8 +122,8 @@ void multiply(const float* __restrict a, const float* __restrict b, size_t count
 }
 
 SIGHTLINE_VECTOR_CLONES
-void add_distance(const float* __restrict x, const float* __restrict y, const float* __restrict z, size_t count, float px, float py,
-                  float pz, float weight, const float* __restrict others, float* __restrict costs) {
+void add_distance(const float* __restrict x, const float* __restrict y, const float* __restrict z, size_t count,
+                  float px, float py, float pz, float weight, const float* __restrict others, float* __restrict costs) {
   for (size_t i = 0; i < count; ++i) {
     const float dx = x[i] - px, dy = y[i] - py, dz = z[i] - pz;
     costs[i] += weight * std::sqrt(dx * dx + dy * dy + dz * dz) + others[i];
@@ -126,8 +132,8 @@ void add_distance(const float* __restrict x, const float* __restrict y, const fl
 
 // Mixes costs with sums over `counts` open cells, the cell itself included; closed cells become kClosed.
 SIGHTLINE_VECTOR_CLONES
-void mix(const float* __restrict sums, const float* __restrict counts, const float* __restrict open, size_t count, float share,
-         float* __restrict costs) {
+void mix(const float* __restrict sums, const float* __restrict counts, const float* __restrict open, size_t count,
+         float share, float* __restrict costs) {
   for (size_t i = 0; i < count; ++i) {
     const float mixed = costs[i] + share * (sums[i] / (counts[i] > 1.0f ? counts[i] : 1.0f) - costs[i]);
     costs[i] = open[i] > 0 ? mixed : kClosed;
@@ -142,8 +148,8 @@ glm::dvec3 FlightPlan::at(double time_s) const {
   return point_m.back();
 }
 
-void FlightPlanner::lay(const PlaceView& places, std::span<const glm::dvec3> position_m, std::span<const float> clearance_m,
-                        double body_radius_m, size_t slices) {
+void FlightPlanner::lay(const PlaceView& places, std::span<const glm::dvec3> position_m,
+                        std::span<const float> clearance_m, double body_radius_m, size_t slices) {
   lay_box(places, slices);
   const size_t cells = box_.count();
   open_.assign(cells, 0.0f);
@@ -190,7 +196,8 @@ void FlightPlanner::lay_box(const PlaceView& places, size_t slices) {
   cost_.resize(slices);
   value_.resize(slices + 1);
   for (std::vector<float>& costs : cost_) costs.resize(cells);
-  for (std::vector<float>* values : {&arrive_, &best_, &along_[0], &along_[1], &scratch_, &open_around_}) values->assign(cells, 0.0f);
+  for (std::vector<float>* values : {&arrive_, &best_, &along_[0], &along_[1], &scratch_, &open_around_})
+    values->assign(cells, 0.0f);
   // The rims of these are read, and never written again.
   for (std::vector<float>& values : value_) values.assign(cells, kClosed);
   arrive_.assign(cells, kClosed);
@@ -205,25 +212,28 @@ void FlightPlanner::set_positions() {
     for (int y = 0; y < box_.size.y; ++y)
       for (int x = 0; x < box_.size.x; ++x, ++at) {
         const glm::dvec3 place_m = glm::dvec3(x, y, z) * spacing_m_;
-        x_m_[at] = static_cast<float>(place_m.x), y_m_[at] = static_cast<float>(place_m.y), z_m_[at] = static_cast<float>(place_m.z);
+        x_m_[at] = static_cast<float>(place_m.x), y_m_[at] = static_cast<float>(place_m.y),
+        z_m_[at] = static_cast<float>(place_m.z);
       }
 }
 
-// A surface that crosses a leg at a point is no farther from each end than that point is. So nothing crosses a leg that is shorter than the sum of
-// its ends' clearances.
+// A surface that crosses a leg at a point is no farther from each end than that point is. So nothing crosses a leg that
+// is shorter than the sum of its ends' clearances.
 void FlightPlanner::lay_legs(double body_radius_m) {
   const auto ends = [&](std::ptrdiff_t at) -> LegEnds {
     const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(begin_) + at;
-    return {clear_m_.data() + first, offset_.x_m.data() + first, offset_.y_m.data() + first, offset_.z_m.data() + first};
+    return {clear_m_.data() + first, offset_.x_m.data() + first, offset_.y_m.data() + first,
+            offset_.z_m.data() + first};
   };
   legs_.assign(box_.count(), 0u);
   for (size_t leg = 0; leg < kLegs.size(); ++leg) {
     const double length_m = spacing_m_ * std::sqrt(static_cast<double>(kLegs[leg].axes));
-    is_masked_[static_cast<size_t>(kLegs[leg].axes)] =
-        static_cast<float>(length_m + 2 * longest_offset_m_ + kNoCrossingM) >= 2 * static_cast<float>(body_radius_m);
+    is_masked_[static_cast<size_t>(kLegs[leg].axes)] = static_cast<float>(length_m + 2 * longest_offset_m_ +
+                                                                          kNoCrossingM) >=
+                                                       2 * static_cast<float>(body_radius_m);
     const glm::vec3 leg_m = glm::vec3(kLegs[leg].x, kLegs[leg].y, kLegs[leg].z) * static_cast<float>(spacing_m_);
-    mark_leg(ends(0), ends(offset_of(kLegs[leg], box_)), end_ - begin_, static_cast<float>(body_radius_m), leg_m, 1u << leg,
-             legs_.data() + begin_);
+    mark_leg(ends(0), ends(offset_of(kLegs[leg], box_)), end_ - begin_, static_cast<float>(body_radius_m), leg_m,
+             1u << leg, legs_.data() + begin_);
   }
 }
 
@@ -240,25 +250,28 @@ void FlightPlanner::blur(size_t slice, double share) {
   float* const costs = cost_[slice].data();
   multiply(costs, open_.data(), box_.count(), scratch_.data());
   sum_around(scratch_.data(), best_.data());
-  mix(best_.data() + begin_, open_around_.data() + begin_, open_.data() + begin_, end_ - begin_, static_cast<float>(share), costs + begin_);
+  mix(best_.data() + begin_, open_around_.data() + begin_, open_.data() + begin_, end_ - begin_,
+      static_cast<float>(share), costs + begin_);
 }
 
-void FlightPlanner::add_distances(size_t slice, const glm::dvec3& point_m, double weight, std::span<const float> others) {
+void FlightPlanner::add_distances(size_t slice, const glm::dvec3& point_m, double weight,
+                                  std::span<const float> others) {
   pull_[slice] = {point_m, weight};
   const glm::vec3 point(point_m - glm::dvec3(box_.low) * spacing_m_);
-  add_distance(x_m_.data() + begin_, y_m_.data() + begin_, z_m_.data() + begin_, end_ - begin_, point.x, point.y, point.z,
-               static_cast<float>(weight), others.data() + begin_, cost_[slice].data() + begin_);
+  add_distance(x_m_.data() + begin_, y_m_.data() + begin_, z_m_.data() + begin_, end_ - begin_, point.x, point.y,
+               point.z, static_cast<float>(weight), others.data() + begin_, cost_[slice].data() + begin_);
 }
 
-void FlightPlanner::add_shot_losses(size_t slice, const glm::dvec3& center_m, const glm::dvec3& asked_m, const ShotWeights& weights, double weight, double tolerance) {
+void FlightPlanner::add_shot_losses(size_t slice, const glm::dvec3& center_m, const glm::dvec3& asked_m,
+                                    const ShotWeights& weights, double weight, double tolerance) {
   const ShotPlaces places{x_m_.data() + begin_, y_m_.data() + begin_, z_m_.data() + begin_, end_ - begin_,
                           glm::vec3(center_m - glm::dvec3(box_.low) * spacing_m_)};
   unbounded_shot_losses(places, asked_m, weights, scratch_.data() + begin_, tolerance);
   add_to(scratch_.data() + begin_, end_ - begin_, static_cast<float>(weight), cost_[slice].data() + begin_);
 }
 
-// Where the body fits at both ends of a leg that is shorter than two radii, nothing crosses the leg. So the least value at the ends of these
-// legs is found one axis at a time; closed cells hold kClosed.
+// Where the body fits at both ends of a leg that is shorter than two radii, nothing crosses the leg. So the least value
+// at the ends of these legs is found one axis at a time; closed cells hold kClosed.
 void FlightPlanner::least_at_unmasked_legs(const float* values, int axes) {
   const size_t cells = box_.count(), row = box_.row(), slice = box_.slice();
   float *const x = along_[0].data(), *const y = along_[1].data();
@@ -287,7 +300,8 @@ void FlightPlanner::least_at_legs(const float* values, int axes) {
   std::fill_n(best_.data() + begin_, count, kClosed);
   for (size_t leg = 0; leg < kLegs.size(); ++leg)
     if (kLegs[leg].axes == axes)
-      take_least(values + begin_ + offset_of(kLegs[leg], box_), legs_.data() + begin_, count, 1u << leg, best_.data() + begin_);
+      take_least(values + begin_ + offset_of(kLegs[leg], box_), legs_.data() + begin_, count, 1u << leg,
+                 best_.data() + begin_);
 }
 
 double FlightPlanner::leg_m(uint32_t leg) const {
@@ -305,10 +319,11 @@ void FlightPlanner::price_slice(size_t slice, const FlightSettings& settings) {
     const LegTime time(length_m, settings);
     const size_t before = slice + time.whole;
     std::fill_n(scratch_.data() + begin_, count, 0.0f);  // half of what the slices on the way cost counts at either end
-    for (size_t k = slice + 1; k < std::min(before, cost_.size()); ++k) add_to(cost_[k].data() + begin_, count, 0.5f, scratch_.data() + begin_);
+    for (size_t k = slice + 1; k < std::min(before, cost_.size()); ++k)
+      add_to(cost_[k].data() + begin_, count, 0.5f, scratch_.data() + begin_);
     if (before < cost_.size()) add_to(cost_[before].data() + begin_, count, 0.5f * time.rest, scratch_.data() + begin_);
-    arrive_between(value(before).data() + begin_, value(before + 1).data() + begin_, scratch_.data() + begin_, count, time.rest,
-                   arrive_.data() + begin_);
+    arrive_between(value(before).data() + begin_, value(before + 1).data() + begin_, scratch_.data() + begin_, count,
+                   time.rest, arrive_.data() + begin_);
     least_at_legs(arrive_.data(), axes);
     add_to(scratch_.data() + begin_, count, 1.0f, best_.data() + begin_);
     take_leg(best_.data() + begin_, count, static_cast<float>(settings.route * length_m * slices), least);
@@ -319,7 +334,8 @@ void FlightPlanner::price_slice(size_t slice, const FlightSettings& settings) {
 double FlightPlanner::move_cost(size_t slice, uint32_t cell, uint32_t leg, const FlightSettings& settings) const {
   const LegTime time(leg_m(leg), settings);
   const size_t there = cell + static_cast<size_t>(offset_of(kLegs[leg], box_)), before = slice + time.whole;
-  double cost = settings.route * leg_m(leg) * static_cast<double>(cost_.size()) + std::lerp(value(before)[there], value(before + 1)[there], time.rest);
+  double cost = settings.route * leg_m(leg) * static_cast<double>(cost_.size()) +
+                std::lerp(value(before)[there], value(before + 1)[there], time.rest);
   for (size_t k = slice + 1; k < std::min(before, cost_.size()); ++k) cost += 0.5 * (cost_[k][cell] + cost_[k][there]);
   if (before < cost_.size()) cost += 0.5 * time.rest * (cost_[before][cell] + cost_[before][there]);
   return cost;
@@ -339,9 +355,11 @@ uint32_t FlightPlanner::best_move(size_t slice, uint32_t cell, const FlightSetti
 
 // The place of the camera in a cell.
 glm::dvec3 FlightPlanner::place_m(uint32_t cell) const {
-  const glm::ivec3 index(static_cast<int>(cell % box_.row()), static_cast<int>(cell / box_.row() % static_cast<size_t>(box_.size.y)),
+  const glm::ivec3 index(static_cast<int>(cell % box_.row()),
+                         static_cast<int>(cell / box_.row() % static_cast<size_t>(box_.size.y)),
                          static_cast<int>(cell / box_.slice()));
-  return glm::dvec3(index + box_.low) * spacing_m_ + glm::dvec3(offset_.x_m[cell], offset_.y_m[cell], offset_.z_m[cell]);
+  return glm::dvec3(index + box_.low) * spacing_m_ +
+         glm::dvec3(offset_.x_m[cell], offset_.y_m[cell], offset_.z_m[cell]);
 }
 
 // Chooses the first cell among those around the start.
@@ -359,7 +377,8 @@ bool FlightPlanner::enter(const FlightStart& start, const FlightSettings& settin
     for (int y = -1; y <= 1; ++y)
       for (int x = -1; x <= 1; ++x) {
         const glm::ivec3 at = own + glm::ivec3(x, y, z);
-        if (glm::any(glm::lessThan(at, box_.low)) || glm::any(glm::greaterThanEqual(at, box_.low + box_.size))) continue;
+        if (glm::any(glm::lessThan(at, box_.low)) || glm::any(glm::greaterThanEqual(at, box_.low + box_.size)))
+          continue;
         const size_t cell = box_.address(at);
         if (open_[cell] == 0) continue;
         const glm::dvec3 to_m = place_m(static_cast<uint32_t>(cell));
@@ -370,9 +389,8 @@ bool FlightPlanner::enter(const FlightStart& start, const FlightSettings& settin
         for (size_t k = 0; k < arrival; ++k) cost += cost_[k][cell];
         if (cost < kNoWay) entries[count++] = {cost, static_cast<uint32_t>(cell), arrival};
       }
-  std::sort(entries.begin(), entries.begin() + count, [](const Entry& a, const Entry& b) {
-    return std::pair(a.cost, a.cell) < std::pair(b.cost, b.cell);
-  });
+  std::sort(entries.begin(), entries.begin() + count,
+            [](const Entry& a, const Entry& b) { return std::pair(a.cost, a.cell) < std::pair(b.cost, b.cell); });
   for (size_t k = 0; k < count; ++k) {
     if (start.is_free && !start.is_free(candidate_[entries[k].cell])) continue;
     at_ = entries[k].cell, at_slice_ = entries[k].slice;
@@ -404,15 +422,16 @@ void FlightPlanner::go_on(const FlightSettings& settings) {
 }
 
 const FlightPlan& FlightPlanner::plan(const FlightStart& start, const FlightSettings& settings) {
-  plan_.point_m.reserve(cost_.size() + 2), plan_.at_s.reserve(cost_.size() + 2), plan_.candidates.reserve(cost_.size() + 1);
+  plan_.point_m.reserve(cost_.size() + 2), plan_.at_s.reserve(cost_.size() + 2),
+      plan_.candidates.reserve(cost_.size() + 1);
   plan_.point_m.assign(1, start.position_m);
   plan_.at_s.assign(1, 0.0);
   plan_.candidates.clear();
   plan_.cost = kClosed;
   std::vector<float>& last = value_.back();
   std::fill_n(last.begin() + static_cast<std::ptrdiff_t>(begin_), end_ - begin_, 0.0f);
-  add_to(cost_.back().data() + begin_, end_ - begin_, static_cast<float>(settings.afterwards * static_cast<double>(cost_.size())),
-         last.data() + begin_);
+  add_to(cost_.back().data() + begin_, end_ - begin_,
+         static_cast<float>(settings.afterwards * static_cast<double>(cost_.size())), last.data() + begin_);
   for (size_t slice = cost_.size(); slice-- > 0;) price_slice(slice, settings);
   if (enter(start, settings)) go_on(settings);
   return plan_;
@@ -420,20 +439,24 @@ const FlightPlan& FlightPlanner::plan(const FlightStart& start, const FlightSett
 
 std::optional<uint32_t> FlightPlanner::candidate_at(const glm::dvec3& position_m) const {
   const glm::ivec3 cell(glm::round(position_m / spacing_m_));
-  if (glm::any(glm::lessThan(cell, box_.low)) || glm::any(glm::greaterThanEqual(cell, box_.low + box_.size))) return std::nullopt;
+  if (glm::any(glm::lessThan(cell, box_.low)) || glm::any(glm::greaterThanEqual(cell, box_.low + box_.size)))
+    return std::nullopt;
   const uint32_t candidate = candidate_[box_.address(cell)];
   return candidate == UINT32_MAX ? std::nullopt : std::optional(candidate);
 }
 
-// The mean of the values of the open cells around a position, weighted by how near they are; all eight cells together have the weight 1.
+// The mean of the values of the open cells around a position, weighted by how near they are; all eight cells together
+// have the weight 1.
 template <typename Value>
-double FlightPlanner::mean_of_open(const glm::dvec3& position_m, double least_open, double otherwise, const Value& value_of) const {
+double FlightPlanner::mean_of_open(const glm::dvec3& position_m, double least_open, double otherwise,
+                                   const Value& value_of) const {
   const glm::dvec3 at = position_m / spacing_m_, low = glm::floor(at), part = at - low;
   double sum = 0, weights = 0;
   for (int k = 0; k < 8; ++k) {
     const glm::ivec3 corner(k & 1, k >> 1 & 1, k >> 2);
     const glm::ivec3 cell = glm::ivec3(low) + corner;
-    if (glm::any(glm::lessThan(cell, box_.low)) || glm::any(glm::greaterThanEqual(cell, box_.low + box_.size))) continue;
+    if (glm::any(glm::lessThan(cell, box_.low)) || glm::any(glm::greaterThanEqual(cell, box_.low + box_.size)))
+      continue;
     const size_t address = box_.address(cell);
     if (open_[address] == 0) continue;
     const glm::dvec3 share = glm::mix(1.0 - part, part, glm::dvec3(corner));
@@ -455,7 +478,8 @@ double FlightPlanner::cost_at(const glm::dvec3& position_m, size_t slice, double
 double FlightPlanner::cost_from(const glm::dvec3& position_m, size_t slice, double otherwise) const {
   const std::vector<float>& values = value(slice);
   // The plans of the cells on the other side of a wall are none of this side.
-  return mean_of_open(position_m, 0.3, otherwise, [&](size_t address, const glm::ivec3&) { return static_cast<double>(values[address]); });
+  return mean_of_open(position_m, 0.3, otherwise,
+                      [&](size_t address, const glm::ivec3&) { return static_cast<double>(values[address]); });
 }
 
 }  // namespace sightline

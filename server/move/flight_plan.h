@@ -1,13 +1,16 @@
-// The flight plan: where the camera should be at each time of the coming second, found by dynamic programming over the lattice's cells and
-// slices of time.
+// The flight plan: where the camera should be at each time of the coming second, found by dynamic programming over the
+// lattice's cells and slices of time.
 //
-// A cell has a cost for each slice of time, which holds what is expected to be hidden from there *then*. At each slice the camera stays in its
-// cell or flies to one of its 26 neighbours. A leg takes as long as its length does at the camera's mean speed, and at least a slice. It costs its length
-// and, for each slice on the way, the mean of both cells' costs. A leg that ends between two slices costs the mean of what it would cost if it ended at the
-// one or the other, weighted by how near they are. Beyond the last slice the camera is taken to stay. The plan with the least sum of
-// costs is found exactly, with lengths and distances measured between the cells' middles. So the camera leaves early for a place that will be good, and passes a bad one only while that pays.
+// A cell has a cost for each slice of time, which holds what is expected to be hidden from there *then*. At each slice
+// the camera stays in its cell or flies to one of its 26 neighbours. A leg takes as long as its length does at the
+// camera's mean speed, and at least a slice. It costs its length and, for each slice on the way, the mean of both
+// cells' costs. A leg that ends between two slices costs the mean of what it would cost if it ended at the one or the
+// other, weighted by how near they are. Beyond the last slice the camera is taken to stay. The plan with the least sum
+// of costs is found exactly, with lengths and distances measured between the cells' middles. So the camera leaves early
+// for a place that will be good, and passes a bad one only while that pays.
 //
-// The paper (3.4, 6.1) chooses a position that is good now or at one predicted time. This goes further: it also chooses when to be where.
+// The paper (3.4, 6.1) chooses a position that is good now or at one predicted time. This goes further: it also chooses
+// when to be where.
 #pragma once
 
 #include <array>
@@ -53,39 +56,45 @@ struct FlightStart {
 // Memory is kept from call to call. Not thread-safe. Deterministic.
 class FlightPlanner {
  public:
-  // Sets the cells and the legs between them. `places`: at least one run, none empty. `position_m`: of each candidate in the runs; where the camera
-  // is in that cell, less than a spacing from the cell's middle (clearance_cache.h). `clearance_m`: from there to the nearest collider, metres
+  // Sets the cells and the legs between them. `places`: at least one run, none empty. `position_m`: of each candidate
+  // in the runs; where the camera is in that cell, less than a spacing from the cell's middle (clearance_cache.h).
+  // `clearance_m`: from there to the nearest collider, metres
   // >= 0. The body, of a radius >= 0, must fit at both ends of a leg, and nothing may cross it. `slices` >= 1.
-  void lay(const PlaceView& places, std::span<const glm::dvec3> position_m, std::span<const float> clearance_m, double body_radius_m,
-           size_t slices);
+  void lay(const PlaceView& places, std::span<const glm::dvec3> position_m, std::span<const float> clearance_m,
+           double body_radius_m, size_t slices);
 
-  // The costs of a slice by cell, to be written in full after each `lay`: index a candidate's with cell_of. They should be at least 0 and
-  // less than 1e6. Cells without a candidate are ignored. Valid until the next `lay`.
+  // The costs of a slice by cell, to be written in full after each `lay`: index a candidate's with cell_of. They should
+  // be at least 0 and less than 1e6. Cells without a candidate are ignored. Valid until the next `lay`.
   std::span<float> costs(size_t slice) { return cost_[slice]; }
   uint32_t cell_of(size_t candidate) const { return cell_of_[candidate]; }
   // The candidate whose cell holds a position, or nothing.
   std::optional<uint32_t> candidate_at(const glm::dvec3& position_m) const;
 
-  // Replaces each cost by a mix with the mean over the open cells of the 3 x 3 x 3 around it, which counts by `share`, [0, 1]. A place
-  // whose neighbours are good too is good even if the camera or the targets are not quite where they were expected. Must be
-  // called once for each slice when its costs are written, since it also closes the cells where the body does not fit.
+  // Replaces each cost by a mix with the mean over the open cells of the 3 x 3 x 3 around it, which counts by `share`,
+  // [0, 1]. A place whose neighbours are good too is good even if the camera or the targets are not quite where they
+  // were expected. Must be called once for each slice when its costs are written, since it also closes the cells where
+  // the body does not fit.
   void blur(size_t slice, double share);
 
-  // Adds `weight` >= 0 times the distance of each cell from a point, and `others`, by cell. Called after `blur`, at most once for each slice.
+  // Adds `weight` >= 0 times the distance of each cell from a point, and `others`, by cell. Called after `blur`, at
+  // most once for each slice.
   void add_distances(size_t slice, const glm::dvec3& point_m, double weight, std::span<const float> others);
-  // Adds `weight` >= 0 times what a picture from each cell loses by departing from a shot (unbounded_shot_losses in picture_worth.h).
-  // `center_m`: the targets' centre at that slice, world metres. `asked_m`: the asked offset from there, not zero. Called like add_distances.
-  void add_shot_losses(size_t slice, const glm::dvec3& center_m, const glm::dvec3& asked_m, const ShotWeights& weights, double weight, double tolerance = 1.0);
+  // Adds `weight` >= 0 times what a picture from each cell loses by departing from a shot (unbounded_shot_losses in
+  // picture_worth.h). `center_m`: the targets' centre at that slice, world metres. `asked_m`: the asked offset from
+  // there, not zero. Called like add_distances.
+  void add_shot_losses(size_t slice, const glm::dvec3& center_m, const glm::dvec3& asked_m, const ShotWeights& weights,
+                       double weight, double tolerance = 1.0);
   size_t cell_count() const { return box_.count(); }
 
   // The cheapest plan, after all costs are set. Its first point alone if no cell can be reached.
   const FlightPlan& plan(const FlightStart& start, const FlightSettings& settings);
 
-  // The cost of a slice at any position: interpolated between the open cells around it; `otherwise` if there is none. The distance from the
-  // point that add_distances was given counts exactly.
+  // The cost of a slice at any position: interpolated between the open cells around it; `otherwise` if there is none.
+  // The distance from the point that add_distances was given counts exactly.
   double cost_at(const glm::dvec3& position_m, size_t slice, double otherwise) const;
-  // The cost of the cheapest plan that begins at a position and a slice, [0, slice_count()]: the sum over its slices, with its way and the time
-  // after it. Valid after `plan`. Interpolated as above, but `otherwise` also where the position is hardly in an open cell.
+  // The cost of the cheapest plan that begins at a position and a slice, [0, slice_count()]: the sum over its slices,
+  // with its way and the time after it. Valid after `plan`. Interpolated as above, but `otherwise` also where the
+  // position is hardly in an open cell.
   double cost_from(const glm::dvec3& position_m, size_t slice, double otherwise) const;
   size_t slice_count() const { return cost_.size(); }
 
@@ -110,23 +119,23 @@ class FlightPlanner {
 
   double spacing_m_ = 1.0;
   CellBox box_;
-  size_t begin_ = 0, end_ = 0;        // the cells between the rims
-  std::vector<uint32_t> cell_of_;     // by candidate
-  std::vector<uint32_t> candidate_;   // by cell
-  std::vector<float> open_;           // by cell: 1 if the body fits
-  std::vector<float> clear_m_;        // by cell: clearance
+  size_t begin_ = 0, end_ = 0;       // the cells between the rims
+  std::vector<uint32_t> cell_of_;    // by candidate
+  std::vector<uint32_t> candidate_;  // by cell
+  std::vector<float> open_;          // by cell: 1 if the body fits
+  std::vector<float> clear_m_;       // by cell: clearance
   struct Offset {
     std::vector<float> x_m, y_m, z_m;
   };
-  Offset offset_;             // by cell: from its middle to the place of the camera
+  Offset offset_;  // by cell: from its middle to the place of the camera
   double longest_offset_m_ = 0;
   std::vector<float> x_m_, y_m_, z_m_;  // by cell: position relative to the box's lowest cell
-  std::vector<uint32_t> legs_;        // by cell: a bit for each leg (see kLegs) that can be flown
+  std::vector<uint32_t> legs_;          // by cell: a bit for each leg (see kLegs) that can be flown
   struct Pull {
     glm::dvec3 point_m{0.0};
     double weight = 0;
   };
-  std::vector<Pull> pull_;  // by slice: what add_distances was given
+  std::vector<Pull> pull_;                        // by slice: what add_distances was given
   std::vector<std::vector<float>> cost_, value_;  // by slice and cell; value_ has one slice more: what comes afterwards
   std::array<bool, 4> is_masked_{};  // by number of axes: the clearances decide which of these legs can be flown
   std::vector<float> open_around_;   // by cell: the number of open cells in the 3 x 3 x 3 around it

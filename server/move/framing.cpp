@@ -12,12 +12,11 @@ namespace {
 
 constexpr int kAimIterations = 4;
 
-// The extent of the group along one axis of the picture, in radians from the middle: the interval that must fit, and the weighted mean.
+// The extent of the group along one axis of the picture, in radians from the middle: the interval that must fit, and
+// the weighted mean.
 struct Extent {
   double low = 1e9, high = -1e9, mean = 0;
-  void include(double middle, double half) {
-    low = std::min(low, middle - half), high = std::max(high, middle + half);
-  }
+  void include(double middle, double half) { low = std::min(low, middle - half), high = std::max(high, middle + half); }
   // The turn that fits [low, high] into [-half, half] and brings the mean as near to the middle as possible.
   double shift(double half) const {
     const double least = high - half, most = low + half;
@@ -48,9 +47,10 @@ void include_sphere(const glm::dvec3& middle_m, double radius_m, Extents& out) {
   out.y.include(std::atan2(middle_m.y, -middle_m.z), angle_of_radius(radius_m, std::hypot(middle_m.y, middle_m.z)));
 }
 
-// A body about its vertical axis. Its highest and lowest points in the picture are on the rims of its ends, towards the camera and away from it. In a picture that
-// leans, they may also be at the sides of the rims.
-void include_body(const TrackedTarget& target, const glm::dvec3& middle_m, const glm::dquat& camera_from_world, bool leans, Extents& out) {
+// A body about its vertical axis. Its highest and lowest points in the picture are on the rims of its ends, towards the
+// camera and away from it. In a picture that leans, they may also be at the sides of the rims.
+void include_body(const TrackedTarget& target, const glm::dvec3& middle_m, const glm::dquat& camera_from_world,
+                  bool leans, Extents& out) {
   const glm::dvec3 up = camera_from_world * glm::dvec3(0, 1, 0), level = up * up.z - glm::dvec3(0, 0, 1);
   const glm::dvec3 away = level / std::max(glm::length(level), 1e-9);
   for (const double along_m : {-target.low_m, target.high_m}) {
@@ -77,7 +77,8 @@ glm::dvec2 place_angles(const TrackedTarget& target, const Lens& lens) {
   return {std::atan(target.place->x * top * lens.aspect), std::atan(target.place->y * top)};
 }
 
-Extents extents_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& angles, const Lens& lens) {
+Extents extents_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& angles,
+                   const Lens& lens) {
   const glm::dquat camera_from_world = glm::conjugate(rotation_from_angles(angles));
   const bool any_required = any_required_of(targets), any_place = any_place_of(targets);
   Extents out;
@@ -112,11 +113,8 @@ ViewAngles angles_towards(const glm::dvec3& direction, const ViewAngles& present
 
 double zoom_for(const Extents& extents, const Lens& lens, const FramingSettings& settings) {
   if (!zooms(settings)) return lens.vertical_fov_rad;
-  const auto tan_within = [&](double reach) {
-    return std::tan(std::min(reach / (1 - settings.framing_margin), 1.5));
-  };
-  const double half =
-      std::atan(std::max(tan_within(extents.y.reach()), tan_within(extents.x.reach()) / lens.aspect));
+  const auto tan_within = [&](double reach) { return std::tan(std::min(reach / (1 - settings.framing_margin), 1.5)); };
+  const double half = std::atan(std::max(tan_within(extents.y.reach()), tan_within(extents.x.reach()) / lens.aspect));
   return std::clamp(2 * half, settings.min_vertical_fov_rad, settings.max_vertical_fov_rad);
 }
 
@@ -129,7 +127,8 @@ double beyond(double shift, double dead) {
 void turn_along(const glm::dvec2& shift_rad, bool keeps_yaw, ViewAngles& angles) {
   const double cosine = std::cos(angles.roll_rad), sine = std::sin(angles.roll_rad);
   if (!keeps_yaw) angles.yaw_rad -= shift_rad.x * cosine - shift_rad.y * sine;
-  angles.pitch_rad = std::clamp(angles.pitch_rad + shift_rad.x * sine + shift_rad.y * cosine, -kMaxPitchRad, kMaxPitchRad);
+  angles.pitch_rad = std::clamp(angles.pitch_rad + shift_rad.x * sine + shift_rad.y * cosine, -kMaxPitchRad,
+                                kMaxPitchRad);
 }
 
 // From `present` to `wanted`, but for the dead zone.
@@ -140,8 +139,8 @@ ViewAngles outside_dead_zone(const ViewAngles& present, const ViewAngles& wanted
 
 }  // namespace
 
-Aim aim_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& present,
-           const Lens& lens, const AimRules& rules) {
+Aim aim_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& present, const Lens& lens,
+           const AimRules& rules) {
   const glm::dvec2 half_rad(half_horizontal_fov_rad(lens), lens.vertical_fov_rad / 2);
   const double room = 1 - rules.framing.framing_margin;
   const bool keeps_yaw = rules.fixed_yaw_rad.has_value();
@@ -156,8 +155,11 @@ Aim aim_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, cons
   Aim aim;
   aim.vertical_fov_rad = zoom_for(at, lens, rules.framing);
   aim.fits = at.x.reach() <= half_rad.x && at.y.reach() <= half_rad.y;
-  aim.off_half_pictures = glm::abs(glm::dvec2(std::remainder(angles.yaw_rad - present.yaw_rad, 2 * std::numbers::pi), angles.pitch_rad - present.pitch_rad)) / half_rad;
-  aim.angles = outside_dead_zone(present, angles, rules.dead_zone.value_or(glm::dvec2(rules.framing.dead_zone)) * half_rad);
+  aim.off_half_pictures = glm::abs(glm::dvec2(std::remainder(angles.yaw_rad - present.yaw_rad, 2 * std::numbers::pi),
+                                              angles.pitch_rad - present.pitch_rad)) /
+                          half_rad;
+  aim.angles = outside_dead_zone(present, angles,
+                                 rules.dead_zone.value_or(glm::dvec2(rules.framing.dead_zone)) * half_rad);
   if (aim.fits && rules.dead_zone) {
     const Extents dead = extents_at(eye_m, targets, aim.angles, lens);
     turn_along({dead.x.least_shift(half_rad.x), dead.y.least_shift(half_rad.y)}, keeps_yaw, aim.angles);
@@ -165,7 +167,8 @@ Aim aim_at(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, cons
   return aim;
 }
 
-glm::dvec2 off_place_half_pictures(const Pose& world_from_camera, std::span<const TrackedTarget> targets, const Lens& lens) {
+glm::dvec2 off_place_half_pictures(const Pose& world_from_camera, std::span<const TrackedTarget> targets,
+                                   const Lens& lens) {
   const bool any_place = any_place_of(targets);
   const double top = std::tan(lens.vertical_fov_rad / 2);
   glm::dvec2 sum(0.0);
@@ -180,8 +183,8 @@ glm::dvec2 off_place_half_pictures(const Pose& world_from_camera, std::span<cons
   return weight > 0 ? sum / weight : sum;
 }
 
-bool fits_picture(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& present, const Lens& lens,
-                  double room, bool required_only) {
+bool fits_picture(const glm::dvec3& eye_m, std::span<const TrackedTarget> targets, const ViewAngles& present,
+                  const Lens& lens, double room, bool required_only) {
   const bool any_required = required_only && any_required_of(targets);
   ViewAngles angles = angles_towards(weighted_center_m(targets) - eye_m, present);
   Extents at;

@@ -10,7 +10,8 @@
 namespace sightline {
 namespace {
 
-// At most this many targets are tried as the first of a choice. If there are more, the lightest are only added to the others.
+// At most this many targets are tried as the first of a choice. If there are more, the lightest are only added to the
+// others.
 constexpr size_t kMostFirst = 8;
 // Sums of equal weights may differ by this share, since they are added in different orders.
 constexpr double kRounding = 1e-9;
@@ -104,7 +105,8 @@ std::span<const TrackedTarget> only_kept(std::span<const TrackedTarget> targets,
   return std::span(memory).first(targets.size());
 }
 
-uint32_t keep_together(std::span<const TrackedTarget> targets, const glm::dvec3& camera_m, uint32_t former, const FitTogether& fit) {
+uint32_t keep_together(std::span<const TrackedTarget> targets, const glm::dvec3& camera_m, uint32_t former,
+                       const FitTogether& fit) {
   uint32_t all = 0;
   for (size_t i = 0; i < targets.size(); ++i)
     if (targets[i].steered()) all |= 1u << i;

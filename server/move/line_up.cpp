@@ -15,16 +15,16 @@ namespace {
 constexpr double kInLineRad = 0.05;
 // Targets that fill more of the picture than this let the shot turn.
 constexpr double kRoom = 0.7;
-// No target is shown from farther than this many times max_distance_m, since it would be too small. Two targets of equal weight are never farther
-// from the ends of their line.
+// No target is shown from farther than this many times max_distance_m, since it would be too small. Two targets of
+// equal weight are never farther from the ends of their line.
 constexpr double kFarthestShare = 2.0;
 // The limits of distance are narrower by this part of the room that is to be left free.
 constexpr double kDistanceRoom = 0.2;
 // Each halves the error of the turn.
 constexpr int kTurnSteps = 12;
 
-// The direction in which the steered targets are spread most, horizontally; zero if they are at one place. It is the principal axis of their
-// places, by weight.
+// The direction in which the steered targets are spread most, horizontally; zero if they are at one place. It is the
+// principal axis of their places, by weight.
 glm::dvec2 line_of(const FarShot& shot) {
   const glm::dvec3 center_m = weighted_center_m(shot.targets);
   double xx = 0, xz = 0, zz = 0;
@@ -55,7 +55,9 @@ std::array<double, 4> rank_of_end(const FarShot& shot, const glm::dvec2& to_end)
 class Turn {
  public:
   Turn(const FarShot& shot, const glm::dvec2& to_end)
-      : shot_(shot), azimuth_rad_(std::atan2(shot.offset_m.z, shot.offset_m.x)), elevation_rad_(allowed(elevation_rad(shot.offset_m))) {
+      : shot_(shot),
+        azimuth_rad_(std::atan2(shot.offset_m.z, shot.offset_m.x)),
+        elevation_rad_(allowed(elevation_rad(shot.offset_m))) {
     turn_rad_ = std::remainder(std::atan2(to_end.y, to_end.x) - azimuth_rad_, 2 * std::numbers::pi);
     rise_rad_ = allowed(kInLineRad) - elevation_rad_;
   }
@@ -70,7 +72,8 @@ class Turn {
     const double narrowed = 1 - kDistanceRoom * (1 - room);
     const bool keeps_distance = std::ranges::all_of(shot_.targets, [&](const TrackedTarget& t) {
       const double distance_m = glm::distance(place_m, t.aim_m);
-      return !t.steered() || (distance_m >= limits.min_distance_m / narrowed && distance_m <= kFarthestShare * limits.max_distance_m * narrowed);
+      return !t.steered() || (distance_m >= limits.min_distance_m / narrowed &&
+                              distance_m <= kFarthestShare * limits.max_distance_m * narrowed);
     });
     return keeps_distance && fits_picture(place_m, shot_.targets, {}, shot_.lens, room, false);
   }
@@ -99,14 +102,17 @@ std::optional<Turn> turn_into_line(const FarShot& shot, double room, const SeenF
   if (to_end == glm::dvec2(0.0)) return std::nullopt;
   if (rank_of_end(shot, -to_end) > rank_of_end(shot, to_end)) to_end = -to_end;
   for (const double side : {1.0, -1.0})
-    if (const Turn turn(shot, side * to_end); turn.fits(1, room) && is_seen_from(turn.direction(1) * shot.settings.max_distance_m)) return turn;
+    if (const Turn turn(shot, side * to_end);
+        turn.fits(1, room) && is_seen_from(turn.direction(1) * shot.settings.max_distance_m))
+      return turn;
   return std::nullopt;
 }
 
 }  // namespace
 
 bool fits_from_side(const FarShot& shot, double room) {
-  return fits_picture(farthest_place_m(shot.targets, shot.offset_m, shot.settings), shot.targets, {}, shot.lens, room, false);
+  return fits_picture(farthest_place_m(shot.targets, shot.offset_m, shot.settings), shot.targets, {}, shot.lens, room,
+                      false);
 }
 
 bool fits_in_line(const FarShot& shot, double room) {

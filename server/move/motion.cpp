@@ -36,8 +36,8 @@ Vec limit_length(const Vec& v, double most) {
 // A rate above its maximum by less than this factor is a rounding error.
 constexpr double kOverMaximum = 1 + 1e-9;
 
-// `wanted`, clamped to `most`, and then to within `most_change` of `present`. If `present` is within `most`, so is the segment between the
-// two, and the limits do not conflict. Otherwise the rate brakes straight.
+// `wanted`, clamped to `most`, and then to within `most_change` of `present`. If `present` is within `most`, so is the
+// segment between the two, and the limits do not conflict. Otherwise the rate brakes straight.
 template <typename Vec>
 Vec limit_rate(const Vec& present, const Vec& wanted, double most, double most_change) {
   const double rate = glm::length(present);
@@ -45,8 +45,9 @@ Vec limit_rate(const Vec& present, const Vec& wanted, double most, double most_c
   return present + limit_length(limit_length(wanted, most) - present, most_change);
 }
 
-// Lowers a pitch rate from which the camera could not stop before straight up or down, braking with all of the acceleration `a`.
-// The rate that it returns keeps v^2 / (2 a) <= the angle left, so the next step can brake in time as well, however long it is.
+// Lowers a pitch rate from which the camera could not stop before straight up or down, braking with all of the
+// acceleration `a`. The rate that it returns keeps v^2 / (2 a) <= the angle left, so the next step can brake in time as
+// well, however long it is.
 glm::dvec2 brake_before_pole(const glm::dvec2& present, const glm::dvec2& rates, double pitch_rad, double a,
                              double dt_s) {
   const double up = rates.y < 0 ? -1 : 1;
@@ -65,8 +66,8 @@ glm::dvec3 settled_velocity(const glm::dvec3& velocity, const glm::dvec3& accele
 }
 
 // The acceleration that brings the velocity to `wanted` soonest, so that it can fade in time.
-glm::dvec3 fading_acceleration(const glm::dvec3& present, const glm::dvec3& wanted, const CameraLimits& limits, double dt_s,
-                               double response_s) {
+glm::dvec3 fading_acceleration(const glm::dvec3& present, const glm::dvec3& wanted, const CameraLimits& limits,
+                               double dt_s, double response_s) {
   const glm::dvec3 change = wanted - present;
   const double size = glm::length(change);
   if (size < 1e-12) return glm::dvec3(0.0);
@@ -92,8 +93,10 @@ glm::dvec3 within_speed(const CameraState& camera, const glm::dvec3& wanted, con
   return fading + low * (wanted - fading);
 }
 
-// The rate at which the camera rolls towards the aim: at most `most_radps`, braking in time, and changed by at most `a` dt.
-double roll_rate_after(const TurnState& state, double aim_rad, double most_radps, double a, double response_s, double dt_s) {
+// The rate at which the camera rolls towards the aim: at most `most_radps`, braking in time, and changed by at most `a`
+// dt.
+double roll_rate_after(const TurnState& state, double aim_rad, double most_radps, double a, double response_s,
+                       double dt_s) {
   const double error = wrap_angle(aim_rad - state.angles.roll_rad), size = std::abs(error);
   double wanted = std::min(approach_speed(size, kBrakeShare * a, dt_s), most_radps);
   if (response_s > 0) wanted = std::min(wanted, size * (1 - std::pow(0.01, dt_s / response_s)) / dt_s);
@@ -106,9 +109,8 @@ Status validate(const CameraLimits& limits, const Lens& lens) {
   if (auto ok = validate(limits); !ok) return ok;
   if (const double corner = near_corner_distance_m(lens); corner > limits.body_radius_m) {
     char text[160];
-    std::snprintf(text, sizeof text,
-                  "must contain the near plane's corners, which are %g m from the lens, got %g", corner,
-                  limits.body_radius_m);
+    std::snprintf(text, sizeof text, "must contain the near plane's corners, which are %g m from the lens, got %g",
+                  corner, limits.body_radius_m);
     return invalid("body_radius_m", text);
   }
   return {};
@@ -119,13 +121,14 @@ glm::dvec3 clamp_velocity(const glm::dvec3& present, const glm::dvec3& wanted, c
   return limit_rate(present, wanted, limits.max_speed_mps, limits.max_acceleration_mps2 * dt_s);
 }
 
-glm::dvec3 steer_velocity(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits, double response_s,
-                          double dt_s) {
+glm::dvec3 steer_velocity(const CameraState& camera, const glm::dvec3& wanted_mps, const CameraLimits& limits,
+                          double response_s, double dt_s) {
   const glm::dvec3& present = camera.velocity_mps;
   const double jerk = limits.max_jerk_mps3, share = response_s > dt_s ? dt_s / response_s : 1.0;
   if (jerk <= 0 || dt_s <= 0 || glm::length(present) > limits.max_speed_mps * kOverMaximum)
     return clamp_velocity(present, present + share * (wanted_mps - present), limits, dt_s);
-  const glm::dvec3 wanted = fading_acceleration(present, limit_length(wanted_mps, limits.max_speed_mps), limits, dt_s, response_s);
+  const glm::dvec3 wanted = fading_acceleration(present, limit_length(wanted_mps, limits.max_speed_mps), limits, dt_s,
+                                                response_s);
   const glm::dvec3 limited = limit_rate(camera.acceleration_mps2, wanted, limits.max_acceleration_mps2, jerk * dt_s);
   // The last clamp matters only after a step that the limit of the jerk did not hold for.
   return clamp_velocity(present, present + within_speed(camera, limited, limits, dt_s) * dt_s, limits, dt_s);
@@ -139,8 +142,8 @@ CameraState moved(const CameraState& camera, const glm::dvec3& velocity_mps, dou
   return next;
 }
 
-glm::dvec3 velocity_towards(const CameraState& camera, const glm::dvec3& goal_m,
-                            const glm::dvec3& goal_velocity_mps, const CameraLimits& limits, double dt_s) {
+glm::dvec3 velocity_towards(const CameraState& camera, const glm::dvec3& goal_m, const glm::dvec3& goal_velocity_mps,
+                            const CameraLimits& limits, double dt_s) {
   const glm::dvec3 error = goal_m - camera.pose.position_m;
   const double distance = glm::length(error);
   glm::dvec3 wanted = goal_velocity_mps;
@@ -177,12 +180,11 @@ glm::dquat rotation_from_angles(const ViewAngles& a) {
   return glm::normalize(yaw * pitch * glm::angleAxis(a.roll_rad, glm::dvec3(0, 0, 1)));
 }
 
-TurnState turn_towards(const TurnState& state, const ViewAngles& aim, const CameraLimits& limits,
-                       double response_s, double dt_s) {
+TurnState turn_towards(const TurnState& state, const ViewAngles& aim, const CameraLimits& limits, double response_s,
+                       double dt_s) {
   if (dt_s <= 0) return state;
   const glm::dvec2 present(state.yaw_rate_radps, state.pitch_rate_radps);
-  const glm::dvec2 error(wrap_angle(aim.yaw_rad - state.angles.yaw_rad),
-                         aim.pitch_rad - state.angles.pitch_rad);
+  const glm::dvec2 error(wrap_angle(aim.yaw_rad - state.angles.yaw_rad), aim.pitch_rad - state.angles.pitch_rad);
   const double size = glm::length(error);
   glm::dvec2 wanted(0.0);
   if (size > 1e-12) {
@@ -200,10 +202,12 @@ TurnState turn_towards(const TurnState& state, const ViewAngles& aim, const Came
   next.angles.yaw_rad = wrap_angle(state.angles.yaw_rad + rates.x * dt_s);
   next.angles.pitch_rad = state.angles.pitch_rad + rates.y * dt_s;
   const double left_radps = std::max(0.0, limits.max_angular_speed_radps - glm::length(rates));
-  next.roll_rate_radps = roll_rate_after(state, aim.roll_rad, left_radps, limits.max_angular_acceleration_radps2, response_s, dt_s);
+  next.roll_rate_radps = roll_rate_after(state, aim.roll_rad, left_radps, limits.max_angular_acceleration_radps2,
+                                         response_s, dt_s);
   next.angles.roll_rad = wrap_angle(state.angles.roll_rad + next.roll_rate_radps * dt_s);
   constexpr double kLevelRad = 1e-9;
-  const bool arrives = std::abs(wrap_angle(aim.roll_rad - state.angles.roll_rad)) < kLevelRad && std::abs(state.roll_rate_radps) * dt_s < kLevelRad;
+  const bool arrives = std::abs(wrap_angle(aim.roll_rad - state.angles.roll_rad)) < kLevelRad &&
+                       std::abs(state.roll_rate_radps) * dt_s < kLevelRad;
   if (arrives) next.angles.roll_rad = aim.roll_rad, next.roll_rate_radps = 0.0;
   return next;
 }

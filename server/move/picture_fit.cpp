@@ -13,8 +13,9 @@ constexpr float kNearestM = 0.1f;   // a body is not taken to be nearer than thi
 constexpr float kFarthest = 20.0f;  // the greatest tangent of an angle from the middle of a picture
 
 SIGHTLINE_VECTOR_CLONES
-void add_direction(const float* __restrict x, const float* __restrict y, const float* __restrict z, size_t count, float ax, float ay, float az,
-                   float* __restrict sum_x, float* __restrict sum_y, float* __restrict sum_z) {
+void add_direction(const float* __restrict x, const float* __restrict y, const float* __restrict z, size_t count,
+                   float ax, float ay, float az, float* __restrict sum_x, float* __restrict sum_y,
+                   float* __restrict sum_z) {
   for (size_t i = 0; i < count; ++i) {
     const float dx = ax - x[i], dy = ay - y[i], dz = az - z[i];
     const float length = std::sqrt(dx * dx + dy * dy + dz * dz);
@@ -25,12 +26,13 @@ void add_direction(const float* __restrict x, const float* __restrict y, const f
 
 // The axes of a camera that looks along a direction without roll. A direction that is nearly zero stays shorter than 1.
 SIGHTLINE_VECTOR_CLONES
-void look_without_roll(size_t count, float* __restrict forward_x, float* __restrict forward_y, float* __restrict forward_z,
-                       float* __restrict right_x, float* __restrict right_z) {
+void look_without_roll(size_t count, float* __restrict forward_x, float* __restrict forward_y,
+                       float* __restrict forward_z, float* __restrict right_x, float* __restrict right_z) {
   for (size_t i = 0; i < count; ++i) {
     const float x = forward_x[i], y = forward_y[i], z = forward_z[i];
     const float level = std::sqrt(x * x + z * z), length = std::sqrt(x * x + y * y + z * z);
-    const float inverse_level = 1.0f / (level > kShortest ? level : kShortest), inverse = 1.0f / (length > kShortest ? length : kShortest);
+    const float inverse_level = 1.0f / (level > kShortest ? level : kShortest),
+                inverse = 1.0f / (length > kShortest ? length : kShortest);
     right_x[i] = level > kShortest ? -z * inverse_level : 1.0f;
     right_z[i] = x * inverse_level;
     forward_x[i] = x * inverse, forward_y[i] = y * inverse, forward_z[i] = z * inverse;
@@ -41,19 +43,27 @@ struct Places {
   const float *x_m, *y_m, *z_m, *forward_x, *forward_y, *forward_z, *right_x, *right_z;
 };
 
-// Where a point is in a picture, as tangents of angles from its middle. A point that is not before the camera is kFarthest to a side.
+// Where a point is in a picture, as tangents of angles from its middle. A point that is not before the camera is
+// kFarthest to a side.
 struct InPicture {
   float right, up;
 };
 struct Lean {
   float cosine, sine;  // of the camera's roll
 };
-inline InPicture in_picture_of(float dx, float dy, float dz, float fx, float fy, float fz, float rx, float rz, const Lean& lean) {
+inline InPicture in_picture_of(float dx, float dy, float dz, float fx, float fy, float fz, float rx, float rz,
+                               const Lean& lean) {
   const float depth = dx * fx + dy * fy + dz * fz;
   const float inverse = 1.0f / (depth > kShortest ? depth : kShortest);
-  const float right = (dx * rx + dz * rz) * inverse, up = (-dx * rz * fy + dy * (rz * fx - rx * fz) + dz * rx * fy) * inverse;
-  const auto limited = [](float tangent) { return tangent > kFarthest ? kFarthest : tangent < -kFarthest ? -kFarthest : tangent; };
-  const float level_right = depth > kShortest ? limited(right) : right < 0.0f ? -kFarthest : kFarthest, level_up = limited(up);
+  const float right = (dx * rx + dz * rz) * inverse,
+              up = (-dx * rz * fy + dy * (rz * fx - rx * fz) + dz * rx * fy) * inverse;
+  const auto limited = [](float tangent) {
+    return tangent > kFarthest ? kFarthest : tangent < -kFarthest ? -kFarthest : tangent;
+  };
+  const float level_right = depth > kShortest ? limited(right)
+                            : right < 0.0f    ? -kFarthest
+                                              : kFarthest,
+              level_up = limited(up);
   return {level_right * lean.cosine + level_up * lean.sine, level_up * lean.cosine - level_right * lean.sine};
 }
 
@@ -71,13 +81,16 @@ struct Axis {
 struct Rectangle {
   float left, right, low, high;
 };
-inline Rectangle rectangle_of(const Axis& body, float x, float y, float z, float fx, float fy, float fz, float rx, float rz, const Lean& lean) {
+inline Rectangle rectangle_of(const Axis& body, float x, float y, float z, float fx, float fy, float fz, float rx,
+                              float rz, const Lean& lean) {
   const float dx = body.x_m - x, dz = body.z_m - z, low_m = body.low_m - y, high_m = body.high_m - y;
-  const InPicture low = in_picture_of(dx, low_m, dz, fx, fy, fz, rx, rz, lean), high = in_picture_of(dx, high_m, dz, fx, fy, fz, rx, rz, lean);
+  const InPicture low = in_picture_of(dx, low_m, dz, fx, fy, fz, rx, rz, lean),
+                  high = in_picture_of(dx, high_m, dz, fx, fy, fz, rx, rz, lean);
   const float level = dx * fx + dz * fz, low_depth = level + low_m * fy, high_depth = level + high_m * fy;
   const float depth = low_depth < high_depth ? low_depth : high_depth;
   const float aside = body.aside_m / (depth > kNearestM ? depth : kNearestM), slope = fy < 0 ? -fy : fy;
-  const float left = low.right < high.right ? low.right : high.right, right = low.right < high.right ? high.right : low.right;
+  const float left = low.right < high.right ? low.right : high.right,
+              right = low.right < high.right ? high.right : low.right;
   const float down = low.up < high.up ? low.up : high.up, up = low.up < high.up ? high.up : low.up;
   const float steep = lean.sine < 0 ? -lean.sine : lean.sine;
   const float across = (lean.cosine + slope * steep) * aside, along = (slope * lean.cosine + steep) * aside;
@@ -88,11 +101,18 @@ SIGHTLINE_VECTOR_CLONES
 void include(const Places& places, size_t count, const Axis& axis, const Lean& leans, const Extents& extents) {
   const Axis body = axis;
   const Lean lean = leans;
-  const float *__restrict x = places.x_m, *__restrict y = places.y_m, *__restrict z = places.z_m;
-  const float *__restrict fx = places.forward_x, *__restrict fy = places.forward_y, *__restrict fz = places.forward_z;
-  const float *__restrict rx = places.right_x, *__restrict rz = places.right_z;
-  float *__restrict least_right = extents.least_right, *__restrict most_right = extents.most_right, *__restrict least_up = extents.least_up,
-                    *__restrict most_up = extents.most_up;
+  const float* __restrict x = places.x_m;
+  const float* __restrict y = places.y_m;
+  const float* __restrict z = places.z_m;
+  const float* __restrict fx = places.forward_x;
+  const float* __restrict fy = places.forward_y;
+  const float* __restrict fz = places.forward_z;
+  const float* __restrict rx = places.right_x;
+  const float* __restrict rz = places.right_z;
+  float* __restrict least_right = extents.least_right;
+  float* __restrict most_right = extents.most_right;
+  float* __restrict least_up = extents.least_up;
+  float* __restrict most_up = extents.most_up;
   for (size_t i = 0; i < count; ++i) {
     const Rectangle at = rectangle_of(body, x[i], y[i], z[i], fx[i], fy[i], fz[i], rx[i], rz[i], lean);
     least_right[i] = at.left < least_right[i] ? at.left : least_right[i];
@@ -104,11 +124,13 @@ void include(const Places& places, size_t count, const Axis& axis, const Lean& l
 
 // Turns the cameras to the middle of what they should show.
 SIGHTLINE_VECTOR_CLONES
-void turn_to_middle(const Extents& extents, const Lean& leans, size_t count, float* __restrict forward_x, float* __restrict forward_y, float* __restrict forward_z,
-                    const float* __restrict right_x, const float* __restrict right_z) {
+void turn_to_middle(const Extents& extents, const Lean& leans, size_t count, float* __restrict forward_x,
+                    float* __restrict forward_y, float* __restrict forward_z, const float* __restrict right_x,
+                    const float* __restrict right_z) {
   const Lean lean = leans;
   for (size_t i = 0; i < count; ++i) {
-    const float across = (extents.least_right[i] + extents.most_right[i]) / 2, along = (extents.least_up[i] + extents.most_up[i]) / 2;
+    const float across = (extents.least_right[i] + extents.most_right[i]) / 2,
+                along = (extents.least_up[i] + extents.most_up[i]) / 2;
     const float right = across * lean.cosine - along * lean.sine, up = across * lean.sine + along * lean.cosine;
     const float x = forward_x[i], y = forward_y[i], z = forward_z[i], rx = right_x[i], rz = right_z[i];
     forward_x[i] = x + right * rx - up * rz * y;
@@ -126,12 +148,18 @@ inline float share_within(float low, float high, float edge) {
 
 // Adds the weight of a body as far as it is outside. `side` and `top` are the tangents of half the picture.
 SIGHTLINE_VECTOR_CLONES
-void add_outside(const Places& places, size_t count, const Axis& axis, const Lean& leans, float side, float top, float weight, float* __restrict out) {
+void add_outside(const Places& places, size_t count, const Axis& axis, const Lean& leans, float side, float top,
+                 float weight, float* __restrict out) {
   const Axis body = axis;
   const Lean lean = leans;
-  const float *__restrict x = places.x_m, *__restrict y = places.y_m, *__restrict z = places.z_m;
-  const float *__restrict fx = places.forward_x, *__restrict fy = places.forward_y, *__restrict fz = places.forward_z;
-  const float *__restrict rx = places.right_x, *__restrict rz = places.right_z;
+  const float* __restrict x = places.x_m;
+  const float* __restrict y = places.y_m;
+  const float* __restrict z = places.z_m;
+  const float* __restrict fx = places.forward_x;
+  const float* __restrict fy = places.forward_y;
+  const float* __restrict fz = places.forward_z;
+  const float* __restrict rx = places.right_x;
+  const float* __restrict rz = places.right_z;
   for (size_t i = 0; i < count; ++i) {
     const Rectangle at = rectangle_of(body, x[i], y[i], z[i], fx[i], fy[i], fz[i], rx[i], rz[i], lean);
     const float inside = share_within(at.left, at.right, side) * share_within(at.low, at.high, top);
@@ -150,7 +178,8 @@ void PictureFit::set_places(std::span<const glm::dvec3> position_m) {
   }
 }
 
-void PictureFit::outside_share(std::span<const Body> bodies, const Lens& lens, double margin, double roll_rad, std::span<float> share) {
+void PictureFit::outside_share(std::span<const Body> bodies, const Lens& lens, double margin, double roll_rad,
+                               std::span<float> share) {
   std::fill(share.begin(), share.end(), 0.0f);
   double all = 0;
   for (const Body& body : bodies) all += body.weight;
@@ -163,25 +192,30 @@ void PictureFit::outside_share(std::span<const Body> bodies, const Lens& lens, d
     for (const Body& body : bodies) {
       if (!(body.weight > 0)) continue;
       const glm::vec3 low_m(body.low_m - origin_m_), high_m(body.high_m - origin_m_);
-      visit(Axis{low_m.x, low_m.y, high_m.y, low_m.z, static_cast<float>(body.aside_m)}, static_cast<float>(body.weight / all));
+      visit(Axis{low_m.x, low_m.y, high_m.y, low_m.z, static_cast<float>(body.aside_m)},
+            static_cast<float>(body.weight / all));
     }
   };
   for_each_body([&](const Axis& axis, float) {
-    add_direction(x_m_.data(), y_m_.data(), z_m_.data(), count, axis.x_m, (axis.low_m + axis.high_m) / 2, axis.z_m, forward_x_.data(), forward_y_.data(),
-                  forward_z_.data());
+    add_direction(x_m_.data(), y_m_.data(), z_m_.data(), count, axis.x_m, (axis.low_m + axis.high_m) / 2, axis.z_m,
+                  forward_x_.data(), forward_y_.data(), forward_z_.data());
   });
-  const Places places{x_m_.data(), y_m_.data(), z_m_.data(), forward_x_.data(), forward_y_.data(), forward_z_.data(), right_x_.data(),
-                      right_z_.data()};
-  const auto look = [&] { look_without_roll(count, forward_x_.data(), forward_y_.data(), forward_z_.data(), right_x_.data(), right_z_.data()); };
+  const Places places{x_m_.data(),       y_m_.data(),       z_m_.data(),     forward_x_.data(),
+                      forward_y_.data(), forward_z_.data(), right_x_.data(), right_z_.data()};
+  const auto look = [&] {
+    look_without_roll(count, forward_x_.data(), forward_y_.data(), forward_z_.data(), right_x_.data(), right_z_.data());
+  };
   look();
   const Lean lean{static_cast<float>(std::cos(roll_rad)), static_cast<float>(std::sin(roll_rad))};
   const Extents extents{least_right_.data(), most_right_.data(), least_up_.data(), most_up_.data()};
   for_each_body([&](const Axis& axis, float) { include(places, count, axis, lean, extents); });
-  turn_to_middle(extents, lean, count, forward_x_.data(), forward_y_.data(), forward_z_.data(), right_x_.data(), right_z_.data());
+  turn_to_middle(extents, lean, count, forward_x_.data(), forward_y_.data(), forward_z_.data(), right_x_.data(),
+                 right_z_.data());
   look();
   const double top = (1 - margin) * std::tan(lens.vertical_fov_rad / 2);
   for_each_body([&](const Axis& axis, float weight) {
-    add_outside(places, count, axis, lean, static_cast<float>(top * lens.aspect), static_cast<float>(top), weight, share.data());
+    add_outside(places, count, axis, lean, static_cast<float>(top * lens.aspect), static_cast<float>(top), weight,
+                share.data());
   });
 }
 

@@ -13,8 +13,7 @@ namespace {
 // This many samples always have some weight, so that a parabola is defined after a long gap too.
 constexpr size_t kAlwaysFitted = 3;
 constexpr double kLeastWeight = 1e-3;
-constexpr size_t kStepsToJudge =
-    2;  // with three samples the fit is a parabola: the fourth is compared with it
+constexpr size_t kStepsToJudge = 2;  // with three samples the fit is a parabola: the fourth is compared with it
 
 glm::dvec3 rotation_vector(const glm::dquat& rotation) {
   const glm::dquat q = rotation.w < 0 ? -rotation : rotation;
@@ -44,8 +43,9 @@ glm::dvec3 rate_of(double dt_s, const glm::dvec3& moved) {
 
 }  // namespace
 
-// Weighted least squares with polynomials that are orthogonal over the samples, p0 = 1, p1 = t - a0, p2 = (t - a1) p1 - b. They are well
-// conditioned for all time steps, where the normal equations in t and t^2 are not. Every sum is taken in the order of the samples.
+// Weighted least squares with polynomials that are orthogonal over the samples, p0 = 1, p1 = t - a0, p2 = (t - a1) p1 -
+// b. They are well conditioned for all time steps, where the normal equations in t and t^2 are not. Every sum is taken
+// in the order of the samples.
 class MotionPredictor::Parabola {
  public:
   Parabola(const SampleTimes& times, const std::array<glm::dvec3, kKept + 1>& y) {
@@ -87,9 +87,7 @@ class MotionPredictor::Parabola {
 Status validate(const PredictionSettings& s) {
   if (auto ok = check_range("move.prediction_s", s.ahead_s, 0, kMaxPredictionS); !ok) return ok;
   if (auto ok = check_range("move.prediction.smoothing_s", s.smoothing_s, 0, 1); !ok) return ok;
-  if (auto ok =
-          check_range("move.prediction.acceleration_lasts_s", s.acceleration_lasts_s, 0, kMaxPredictionS);
-      !ok)
+  if (auto ok = check_range("move.prediction.acceleration_lasts_s", s.acceleration_lasts_s, 0, kMaxPredictionS); !ok)
     return ok;
   if (auto ok = check_range("move.prediction.memory_s", s.memory_s, 0.01, 10); !ok) return ok;
   if (auto ok = check_above("move.prediction.tolerance_m", s.tolerance_m, 0, 100); !ok) return ok;
@@ -108,15 +106,16 @@ void MotionPredictor::Track::advance(double dt_s, const glm::dvec3& moved, doubl
   if (dt_s == 0) return;
   if (count_ >= kStepsToJudge) judge(dt_s, moved, max_rate, settings);
   const bool full = count_ == kKept;
-  const Extremes lost = full ? extremes_at(count_ - 1) : Extremes{}, lost_between = full ? extremes_at(count_ - 2) : Extremes{};
+  const Extremes lost = full ? extremes_at(count_ - 1) : Extremes{},
+                 lost_between = full ? extremes_at(count_ - 2) : Extremes{};
   steps_[next_] = {dt_s, moved};
   next_ = (next_ + 1) % kKept;
   count_ = std::min(count_ + 1, kKept);
   measure_extremes({lost.rate, lost_between.acceleration, lost.dt_s});
 }
 
-// Noise in single poses causes mismatches that cancel each other, which are no wrong predictions. So the mismatch is smoothed like the
-// fit before its size is taken.
+// Noise in single poses causes mismatches that cancel each other, which are no wrong predictions. So the mismatch is
+// smoothed like the fit before its size is taken.
 void MotionPredictor::Track::judge(double dt_s, const glm::dvec3& moved, double max_rate,
                                    const PredictionSettings& settings) {
   const glm::dvec3 mismatch = (moved - displacement(dt_s, max_rate, settings)) / dt_s;
@@ -225,15 +224,14 @@ Prediction MotionPredictor::at(double ahead_s) const {
 double MotionPredictor::confidence(double ahead_s) const {
   if (!seen_) return 0.0;
   if (ahead_s <= 0) return 1.0;
-  const double e =
-      std::max(travel_.error(ahead_s, settings_.tolerance_m), turn_.error(ahead_s, settings_.tolerance_rad));
+  const double e = std::max(travel_.error(ahead_s, settings_.tolerance_m),
+                            turn_.error(ahead_s, settings_.tolerance_rad));
   return 1.0 / (1.0 + e * e);
 }
 
 double MotionPredictor::usable_ahead_s(double wanted_s) const {
   const double wanted = std::clamp(wanted_s, 0.0, kMaxPredictionS);
-  return std::min(
-      {wanted, settings_.tolerance_m / travel_.mismatch(), settings_.tolerance_rad / turn_.mismatch()});
+  return std::min({wanted, settings_.tolerance_m / travel_.mismatch(), settings_.tolerance_rad / turn_.mismatch()});
 }
 
 }  // namespace sightline

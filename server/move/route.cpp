@@ -8,20 +8,19 @@ namespace {
 
 constexpr uint32_t kNone = UINT32_MAX;
 
-// Returns whether the body fits at both ends and nothing crosses the leg. A surface that crosses the leg at a point is no farther from each
-// end than that point is. The clearances of both ends then add up to no more than the leg's length.
-bool is_free(const RouteNodes& nodes, uint32_t a, uint32_t b, double length_m, double body_m,
-             bool from_start) {
+// Returns whether the body fits at both ends and nothing crosses the leg. A surface that crosses the leg at a point is
+// no farther from each end than that point is. The clearances of both ends then add up to no more than the leg's
+// length.
+bool is_free(const RouteNodes& nodes, uint32_t a, uint32_t b, double length_m, double body_m, bool from_start) {
   const double clear_a = nodes.clearance_m[a], clear_b = nodes.clearance_m[b];
   return (from_start || clear_a >= body_m) && clear_b >= body_m && clear_a + clear_b > length_m + kNoCrossingM;
 }
 
-// Returns whether the body fits along the whole first leg. Each clearance proves it for a part of the leg; only where the parts do not meet is
-// the callback asked.
+// Returns whether the body fits along the whole first leg. Each clearance proves it for a part of the leg; only where
+// the parts do not meet is the callback asked.
 bool first_leg_fits(const RouteNodes& nodes, uint32_t start, uint32_t to, double length_m, double body_m) {
   if (!nodes.first_leg_is_free) return true;
-  return nodes.clearance_m[start] + nodes.clearance_m[to] >= length_m + 2 * body_m ||
-         nodes.first_leg_is_free(to);
+  return nodes.clearance_m[start] + nodes.clearance_m[to] >= length_m + 2 * body_m || nodes.first_leg_is_free(to);
 }
 
 // A node counts as on its lattice point when it is within this share of the spacing along each axis.
@@ -72,13 +71,12 @@ void RouteFinder::try_leg(const RouteNodes& nodes, uint32_t from, uint32_t to) {
   push({route_m, to});
 }
 
-// Skips the cells that no leg from here can improve. Floating-point operations are monotonic, so rounding never makes it skip a
-// shorter leg.
+// Skips the cells that no leg from here can improve. Floating-point operations are monotonic, so rounding never makes
+// it skip a shorter leg.
 void RouteFinder::relax(const RouteNodes& nodes, uint32_t from) {
   const double spacing_m = on_lattice_[from] ? nodes.spacing_m : 0.0;
   std::array<double, 4> least_m;  // by how many axes the leg runs along
-  for (size_t axes = 0; axes < least_m.size(); ++axes)
-    least_m[axes] = length_m_[from] + spacing_m * kLeastSteps[axes];
+  for (size_t axes = 0; axes < least_m.size(); ++axes) least_m[axes] = length_m_[from] + spacing_m * kLeastSteps[axes];
   const size_t cell = box_.address(nodes.cell[from]);
   if (on_lattice_[from] && first_in_cell_[cell] == from) open_below_m_[cell] = -kUnreachable;
   for (int z = -1; z <= 1; ++z)
@@ -94,8 +92,9 @@ void RouteFinder::relax(const RouteNodes& nodes, uint32_t from) {
     }
 }
 
-// A heap with four children a node is half as deep as a binary one, and the children lie in one or two cache lines. Four entries that are
-// greater than all others follow the last one. So every node has four children, and the least is found without a branch.
+// A heap with four children a node is half as deep as a binary one, and the children lie in one or two cache lines.
+// Four entries that are greater than all others follow the last one. So every node has four children, and the least is
+// found without a branch.
 void RouteFinder::clear_heap() {
   heap_.assign(4, Entry{});
   heap_size_ = 0;
@@ -115,7 +114,8 @@ RouteFinder::Entry RouteFinder::pop() {
   heap_.pop_back();
   size_t at = 0;
   for (size_t child = 1; child < heap_size_; child = 4 * at + 1) {
-    const size_t left = child + (heap[child + 1] < heap[child]), right = child + 2 + (heap[child + 3] < heap[child + 2]);
+    const size_t left = child + (heap[child + 1] < heap[child]),
+                 right = child + 2 + (heap[child + 3] < heap[child + 2]);
     const size_t smallest = left + (right - left) * (heap[right] < heap[left]);
     if (!(heap[smallest] < last)) break;
     heap[at] = heap[smallest];

@@ -9,9 +9,11 @@
 namespace sightline {
 namespace {
 
-// How much a departure from the present shot counts beside one from the asked shot. Viewers bear a detour better than a jump of the eye.
+// How much a departure from the present shot counts beside one from the asked shot. Viewers bear a detour better than a
+// jump of the eye.
 constexpr double kChange = 0.3;
-// The cost of a place beside the asked one, by its distance as a share of the asked distance. Within the free bands nothing else keeps to the asked one.
+// The cost of a place beside the asked one, by its distance as a share of the asked distance. Within the free bands
+// nothing else keeps to the asked one.
 constexpr double kAside = 0.02;
 // Shots are compared with one lens, so its field of view has no effect.
 constexpr double kAnyFovRad = 1.0;
@@ -22,7 +24,8 @@ struct SharesAt {
   size_t targets;
 
   SharesAt(const ViewpointMap& viewpoints, size_t target_count, size_t place) : targets(target_count) {
-    for (size_t i = 0; i < targets; ++i) seen[i] = viewpoints.share(i, place), beside[i] = viewpoints.share_beside(i, place);
+    for (size_t i = 0; i < targets; ++i)
+      seen[i] = viewpoints.share(i, place), beside[i] = viewpoints.share_beside(i, place);
   }
   std::span<const float> seen_share() const { return std::span(seen).first(targets); }
   std::span<const float> share_beside() const { return std::span(beside).first(targets); }
@@ -30,14 +33,22 @@ struct SharesAt {
 
 class ShotCosts {
  public:
-  ShotCosts(const ViewpointMap& viewpoints, std::span<const TrackedTarget> targets, const ShotWish& wish, const MoveSettings& settings)
-      : viewpoints_(viewpoints), targets_(targets), settings_(settings), asked_m_(wish.asked_m), subjects_m_(wish.subjects_m),
-        tolerance_(wish.tolerance), keep_shot_(settings.keep_shot * wish.weight),
-        asked_(shot_from(wish.asked_m - wish.subjects_m, kAnyFovRad)), present_(shot_from(wish.present_m - wish.subjects_m, kAnyFovRad)) {}
+  ShotCosts(const ViewpointMap& viewpoints, std::span<const TrackedTarget> targets, const ShotWish& wish,
+            const MoveSettings& settings)
+      : viewpoints_(viewpoints),
+        targets_(targets),
+        settings_(settings),
+        asked_m_(wish.asked_m),
+        subjects_m_(wish.subjects_m),
+        tolerance_(wish.tolerance),
+        keep_shot_(settings.keep_shot * wish.weight),
+        asked_(shot_from(wish.asked_m - wish.subjects_m, kAnyFovRad)),
+        present_(shot_from(wish.present_m - wish.subjects_m, kAnyFovRad)) {}
 
   double sight_loss(size_t place) const {
     const SharesAt shares(viewpoints_, targets_.size(), place);
-    return std::lerp(hidden_share(targets_, shares.seen_share()), hidden_share(targets_, shares.share_beside()), settings_.predictive_power);
+    return std::lerp(hidden_share(targets_, shares.seen_share()), hidden_share(targets_, shares.share_beside()),
+                     settings_.predictive_power);
   }
   double shot_cost(size_t place) const {
     const glm::dvec3 offset_m = viewpoints_.offset_m(place);
@@ -61,12 +72,14 @@ class ShotCosts {
 double hidden_round_about(const ViewpointMap& viewpoints, std::span<const TrackedTarget> targets, size_t place) {
   const SharesAt shares(viewpoints, targets.size(), place);
   const double first = hidden_share(targets, shares.seen_share()) + hidden_share(targets, shares.share_beside());
-  const double alike = hidden_share_by_weight(targets, shares.seen_share()) + hidden_share_by_weight(targets, shares.share_beside());
+  const double alike = hidden_share_by_weight(targets, shares.seen_share()) +
+                       hidden_share_by_weight(targets, shares.share_beside());
   return std::max(first, alike) / 2;
 }
 
-std::optional<size_t> choose_shot(const ViewpointMap& viewpoints, std::span<const TrackedTarget> targets, const ShotWish& wish,
-                                  const MoveSettings& settings, const std::function<bool(const glm::dvec3& offset_m)>& allowed) {
+std::optional<size_t> choose_shot(const ViewpointMap& viewpoints, std::span<const TrackedTarget> targets,
+                                  const ShotWish& wish, const MoveSettings& settings,
+                                  const std::function<bool(const glm::dvec3& offset_m)>& allowed) {
   const auto is_good_enough = [&](size_t place, double hidden_below) {
     return hidden_round_about(viewpoints, targets, place) <= hidden_below && allowed(viewpoints.offset_m(place));
   };

@@ -7,7 +7,8 @@
 namespace sightline {
 namespace {
 
-// Less than one of eight sampled points, so that not even one point of a required target is given up for an optional target.
+// Less than one of eight sampled points, so that not even one point of a required target is given up for an optional
+// target.
 constexpr double kOptionalShare = 0.1;
 
 // 1 - the mean of what is seen, by weights; 0 when no target has a weight.

@@ -15,13 +15,12 @@ void Trail::pass(const glm::dvec3& center_m) {
   places_m_.push_back(center_m);
 }
 
-std::optional<glm::dvec3> Trail::way_back(const ClearanceField& field, const glm::dvec3& from_m,
-                                          double reach_m, double body_radius_m, double keep_off_m) const {
+std::optional<glm::dvec3> Trail::way_back(const ClearanceField& field, const glm::dvec3& from_m, double reach_m,
+                                          double body_radius_m, double keep_off_m) const {
   StraightWays ways(field, from_m, body_radius_m);
   size_t tested = 0;
   for (auto place = places_m_.rbegin(); place != places_m_.rend(); ++place) {
-    if (glm::distance(*place, places_m_.back()) < keep_off_m || glm::distance(*place, from_m) > reach_m)
-      continue;
+    if (glm::distance(*place, places_m_.back()) < keep_off_m || glm::distance(*place, from_m) > reach_m) continue;
     if (ways.is_free(*place)) return *place;
     if (++tested == kMostWays) break;
   }

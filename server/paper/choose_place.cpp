@@ -18,13 +18,13 @@ Weights weight_seen(uint32_t visible, std::span<const TrackedTarget> targets) {
   return sum;
 }
 
-// Orders candidates and tests the best ones for reachability. `Costs` has the cost of each candidate, and visits those that may be among
-// the best.
+// Orders candidates and tests the best ones for reachability. `Costs` has the cost of each candidate, and visits those
+// that may be among the best.
 template <typename Costs>
 class Search {
  public:
-  Search(const CandidateSet& candidates, std::span<const TrackedTarget> targets, const Costs& costs, double ahead_weight,
-         const MoveSettings& settings, const Reachable& reachable, ChoiceScratch& scratch)
+  Search(const CandidateSet& candidates, std::span<const TrackedTarget> targets, const Costs& costs,
+         double ahead_weight, const MoveSettings& settings, const Reachable& reachable, ChoiceScratch& scratch)
       : seen_(candidates.filtered()),
         seen_ahead_(candidates.ahead()),
         targets_(targets),
@@ -34,8 +34,9 @@ class Search {
         reachable_(reachable),
         keys_(scratch.keys) {}
 
-  // The first reachable one of the kMaxReachTests best wanted candidates, best first; -1 when there is none. Usually the very best is
-  // reachable, and finding that one alone is faster. `alike`: all wanted candidates see the same targets.
+  // The first reachable one of the kMaxReachTests best wanted candidates, best first; -1 when there is none. Usually
+  // the very best is reachable, and finding that one alone is faster. `alike`: all wanted candidates see the same
+  // targets.
   template <typename Wanted>
   int best(Wanted wanted, bool alike) {
     collect(wanted, alike, 1);
@@ -53,8 +54,8 @@ class Search {
   bool any() const { return any_; }
 
  private:
-  // Keeps the best wanted candidates. Most others are worse by their visible targets and cost alone, so their limits need not
-  // be tested.
+  // Keeps the best wanted candidates. Most others are worse by their visible targets and cost alone, so their limits
+  // need not be tested.
   template <typename Wanted>
   void collect(Wanted wanted, bool alike, size_t kept) {
     keys_.clear();
@@ -131,8 +132,8 @@ struct ListedCosts {
   }
 };
 
-// The cost of a candidate is its distance to a position. Runs are visited from the nearest one upwards and downwards, and each only as
-// far as its candidates may be among the best.
+// The cost of a candidate is its distance to a position. Runs are visited from the nearest one upwards and downwards,
+// and each only as far as its candidates may be among the best.
 class DistanceCosts {
  public:
   DistanceCosts(const PlaceView& places, const glm::dvec3& to_m) : places_(places), to_m_(to_m) {
@@ -173,7 +174,8 @@ class DistanceCosts {
       const double slack_m = kSlack * (reach_m + glm::length(to_m_) + places_.spacing_m()), wide_m = reach_m + slack_m;
       const double squared = wide_m * wide_m - squared_beside(run) + slack_m * slack_m;
       if (squared < 0) return;
-      const double middle = to_m_.x / places_.spacing_m() - run.cell.x, half = std::sqrt(squared) / places_.spacing_m() + 1e-3;
+      const double middle = to_m_.x / places_.spacing_m() - run.cell.x,
+                   half = std::sqrt(squared) / places_.spacing_m() + 1e-3;
       first = std::max(first, std::ceil(middle - half));
       end = std::min(end, std::floor(middle + half) + 1);
     }
@@ -201,8 +203,8 @@ Choice choose_by(const Costs& costs, const CandidateSet& candidates, std::span<c
     return {MoveStatus::kTracking, desired ? MoveReason::kAtDesiredPlace : MoveReason::kNearestAllVisible, best};
   }
   const bool any_all = search.any();
-  if (const int best = search.best(
-          [=](uint32_t seen) { return (seen & steered) != 0 && (seen & steered) != steered; }, false);
+  if (const int best = search.best([=](uint32_t seen) { return (seen & steered) != 0 && (seen & steered) != steered; },
+                                   false);
       best >= 0)
     return {MoveStatus::kPartial, MoveReason::kBestPartial, best};
   if (any_all || search.any()) return {MoveStatus::kHolding, MoveReason::kBlockedByGeometry, -1};
@@ -218,9 +220,9 @@ Choice choose_place(const CandidateSet& candidates, std::span<const TrackedTarge
                    reachable, scratch);
 }
 
-Choice choose_basic(const CandidateSet& candidates, std::span<const TrackedTarget> targets,
-                    const glm::dvec3& desired_m, double ahead_weight, const MoveSettings& settings,
-                    const Reachable& reachable, ChoiceScratch& scratch) {
+Choice choose_basic(const CandidateSet& candidates, std::span<const TrackedTarget> targets, const glm::dvec3& desired_m,
+                    double ahead_weight, const MoveSettings& settings, const Reachable& reachable,
+                    ChoiceScratch& scratch) {
   return choose_by(DistanceCosts(candidates.position_m, desired_m), candidates, targets, desired_m, ahead_weight,
                    settings, reachable, scratch);
 }

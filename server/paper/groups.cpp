@@ -22,8 +22,8 @@ constexpr std::array<glm::ivec3, 26> kSteps = steps_to_neighbours();
 
 class Finder {
  public:
-  Finder(std::span<const glm::ivec3> cell, std::span<const glm::ivec3> steps, std::span<const uint8_t> member, GroupScratch& scratch,
-         Groups& groups)
+  Finder(std::span<const glm::ivec3> cell, std::span<const glm::ivec3> steps, std::span<const uint8_t> member,
+         GroupScratch& scratch, Groups& groups)
       : cell_(cell), steps_(steps), member_(member), s_(scratch), g_(groups) {}
 
   void index_cells() {
@@ -67,9 +67,7 @@ class Finder {
   }
 
  private:
-  bool owns_member_cell(size_t i) const {
-    return member_[i] && s_.first_in_cell[i] == static_cast<int32_t>(i);
-  }
+  bool owns_member_cell(size_t i) const { return member_[i] && s_.first_in_cell[i] == static_cast<int32_t>(i); }
 
   // The table keeps the cells of members alone; neighbours lie at fixed ways from each other in it.
   void link_in_box(const CellBox& box) {
@@ -79,7 +77,8 @@ class Finder {
     for (size_t i = 0; i < cell_.size(); ++i) {
       if (!owns_member_cell(i)) continue;
       const int32_t* const at = &s_.table.slot_of(cell_[i]);
-      for (size_t k = 0; k < steps_.size(); ++k) s_.beside[i][k] = at[steps_[k].x + steps_[k].y * row + steps_[k].z * slice];
+      for (size_t k = 0; k < steps_.size(); ++k)
+        s_.beside[i][k] = at[steps_[k].x + steps_[k].y * row + steps_[k].z * slice];
     }
   }
 
@@ -124,7 +123,8 @@ int32_t choose_largest(std::span<const glm::dvec3> position_m, const glm::dvec3&
 
 constexpr int32_t kFar = 1 << 28;  // more than any squared distance; twice as much still fits an int
 
-// For each cell of a line: the least of (distance of another cell + squared way to it). Lines are short, so every pair is tried.
+// For each cell of a line: the least of (distance of another cell + squared way to it). Lines are short, so every pair
+// is tried.
 void spread_line(int32_t* first, size_t stride, int count, std::vector<int32_t>& line) {
   line.resize(count);
   for (int i = 0; i < count; ++i) line[i] = first[i * stride];
@@ -142,15 +142,13 @@ void spread(const CellBox& box, EdgeDistanceScratch& s) {
     for (int y = 0; y < box.size.y; ++y) spread_line(&s.distance[z * slice + y * row], 1, box.size.x, s.line);
   for (int z = 0; z < box.size.z; ++z)
     for (int x = 0; x < box.size.x; ++x) spread_line(&s.distance[z * slice + x], row, box.size.y, s.line);
-  for (size_t in_slice = 0; in_slice < slice; ++in_slice)
-    spread_line(&s.distance[in_slice], slice, box.size.z, s.line);
+  for (size_t in_slice = 0; in_slice < slice; ++in_slice) spread_line(&s.distance[in_slice], slice, box.size.z, s.line);
 }
 
 }  // namespace
 
 void find_groups(std::span<const glm::ivec3> cell, Neighbours neighbours, std::span<const glm::dvec3> position_m,
-                 std::span<const uint8_t> member, const glm::dvec3& desired_m, GroupScratch& scratch,
-                 Groups& groups) {
+                 std::span<const uint8_t> member, const glm::dvec3& desired_m, GroupScratch& scratch, Groups& groups) {
   assert(cell.size() == position_m.size() && cell.size() == member.size());
   Finder finder(cell, std::span(kSteps).first(neighbours == Neighbours::kFaces ? 6 : 26), member, scratch, groups);
   finder.index_cells();
@@ -161,7 +159,7 @@ void find_groups(std::span<const glm::ivec3> cell, Neighbours neighbours, std::s
 }
 
 void measure_edge_distances(std::span<const glm::ivec3> cell, std::span<const uint8_t> member,
-                     EdgeDistanceScratch& scratch, std::vector<uint32_t>& edge_distance_squared) {
+                            EdgeDistanceScratch& scratch, std::vector<uint32_t>& edge_distance_squared) {
   assert(cell.size() == member.size());
   edge_distance_squared.assign(cell.size(), kAllOpen);
   if (std::find(member.begin(), member.end(), 0) == member.end()) return;

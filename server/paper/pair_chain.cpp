@@ -7,9 +7,10 @@
 namespace sightline {
 namespace {
 
-// The target to which target `i` is joined: the one before it in the list if possible, else the newest one of the chain that is possible.
-std::optional<uint32_t> partner_of(std::span<const glm::dvec3> points_m, const Bound& bound,
-                                   const PairChain& chain, uint32_t joined, uint32_t i) {
+// The target to which target `i` is joined: the one before it in the list if possible, else the newest one of the chain
+// that is possible.
+std::optional<uint32_t> partner_of(std::span<const glm::dvec3> points_m, const Bound& bound, const PairChain& chain,
+                                   uint32_t joined, uint32_t i) {
   const auto brings_in = [&](uint32_t other) {
     return pair_gap(points_m[other], points_m[i], bound) == PairGap::kNone;
   };
@@ -20,7 +21,8 @@ std::optional<uint32_t> partner_of(std::span<const glm::dvec3> points_m, const B
   return std::nullopt;
 }
 
-// Whether a target of the chain is seen from a point by the ray that passes nearest to it; empty if the point is outside the volume.
+// Whether a target of the chain is seen from a point by the ray that passes nearest to it; empty if the point is
+// outside the volume.
 std::optional<bool> sees(const ChainLink& link, const DepthMap& map, double slack, const glm::dvec3& point_m) {
   const auto near = nearest_texels(link.volume, point_m, map.view.jitter);
   if (!near) return std::nullopt;
@@ -32,14 +34,17 @@ bool has_candidates(const PairChain& chain, const Bound& bound, const glm::dvec2
   const std::span<const ChainLink> later = std::span(chain.links).subspan(1);
   bool any = false;
   for_each_meeting(chain.links.front().volume, bound, jitter, [&](const glm::ivec3&, const glm::dvec3& point_m) {
-    any = any || std::ranges::all_of(later, [&](const ChainLink& link) { return nearest_texels(link.volume, point_m, jitter).has_value(); });
+    any = any || std::ranges::all_of(later, [&](const ChainLink& link) {
+            return nearest_texels(link.volume, point_m, jitter).has_value();
+          });
   });
   return any;
 }
 
 }  // namespace
 
-PairGap make_pair_chain(std::span<const glm::dvec3> points_m, const Bound& bound, int resolution, const glm::dvec2& jitter, PairChain& chain) {
+PairGap make_pair_chain(std::span<const glm::dvec3> points_m, const Bound& bound, int resolution,
+                        const glm::dvec2& jitter, PairChain& chain) {
   const auto count = static_cast<uint32_t>(points_m.size());
   assert(count >= 2 && count <= 32);
   chain.links.clear();
@@ -50,8 +55,7 @@ PairGap make_pair_chain(std::span<const glm::dvec3> points_m, const Bound& bound
       if (joined >> i & 1u) continue;
       const auto partner = partner_of(points_m, bound, chain, joined, i);
       if (!partner) continue;
-      chain.links.push_back(
-          {*partner, i, make_pair_volume(points_m[*partner], points_m[i], bound, resolution)});
+      chain.links.push_back({*partner, i, make_pair_volume(points_m[*partner], points_m[i], bound, resolution)});
       joined |= 1u << i;
       grows = true;
     }
@@ -69,15 +73,16 @@ MapView chain_view(const PairChain& chain, uint32_t target, const glm::dvec2& ji
                                    : pair_views(link->volume, jitter)[1];
 }
 
-void compose_chain(const PairChain& chain, std::span<const DepthMap> maps, const Bound& bound,
-                   double relative_bias, CandidateSet& candidates, std::vector<glm::ivec3>& texels) {
+void compose_chain(const PairChain& chain, std::span<const DepthMap> maps, const Bound& bound, double relative_bias,
+                   CandidateSet& candidates, std::vector<glm::ivec3>& texels) {
   candidates.clear();
   texels.clear();
   const ChainLink& first = chain.links.front();
   const DepthMap &map_a = maps[first.from], &map_b = maps[first.to];
   const double slack = 1.0 + relative_bias;
   for_each_meeting(first.volume, bound, map_a.view.jitter, [&](const glm::ivec3& uvw, const glm::dvec3& point_m) {
-    const bool sees_a = glm::distance(point_m, map_a.view.eye_m) <= map_a.distance_at(first.volume.resolution - 1 - uvw.z, uvw.y) * slack;
+    const bool sees_a = glm::distance(point_m, map_a.view.eye_m) <=
+                        map_a.distance_at(first.volume.resolution - 1 - uvw.z, uvw.y) * slack;
     const bool sees_b = glm::distance(point_m, map_b.view.eye_m) <= map_b.distance_at(uvw.x, uvw.y) * slack;
     uint32_t visible = (sees_a ? 1u << first.from : 0u) | (sees_b ? 1u << first.to : 0u);
     for (const ChainLink& link : std::span(chain.links).subspan(1)) {

@@ -8,7 +8,8 @@ namespace sightline {
 PairHistory::Frame& PairHistory::next(int n) {
   const auto size = static_cast<size_t>(std::clamp(n, 1, kHistorySteps));
   if (frames_.size() > size || (frames_.size() < size && !frames_.empty())) {
-    std::rotate(frames_.begin(), frames_.begin() + static_cast<ptrdiff_t>(newest_ + 1), frames_.end());  // the oldest first
+    // the oldest first
+    std::rotate(frames_.begin(), frames_.begin() + static_cast<ptrdiff_t>(newest_ + 1), frames_.end());
     if (frames_.size() > size) frames_.erase(frames_.begin(), frames_.end() - static_cast<ptrdiff_t>(size));
     newest_ = frames_.size() - 1;
   }
@@ -26,7 +27,8 @@ void PairHistory::push_none(int n) {
   frame.target_ids.clear(), frame.links.clear(), frame.depth_m.clear();
 }
 
-void PairHistory::push(const PairChain& chain, std::span<const DepthMap> maps, std::span<const uint64_t> target_ids, double relative_bias, int n) {
+void PairHistory::push(const PairChain& chain, std::span<const DepthMap> maps, std::span<const uint64_t> target_ids,
+                       double relative_bias, int n) {
   Frame& frame = next(n);
   frame.target_ids.assign(target_ids.begin(), target_ids.end());
   frame.links.assign(chain.links.begin(), chain.links.end());
@@ -35,10 +37,12 @@ void PairHistory::push(const PairChain& chain, std::span<const DepthMap> maps, s
   frame.depth_m.clear();
   for (size_t target = 0; target < target_ids.size(); ++target)
     for (int y = 0; y < maps[target].view.height; ++y)
-      for (int x = 0; x < maps[target].view.width; ++x) frame.depth_m.push_back(std::min(maps[target].depth_at(x, y), kBeyondAllM));
+      for (int x = 0; x < maps[target].view.width; ++x)
+        frame.depth_m.push_back(std::min(maps[target].depth_at(x, y), kBeyondAllM));
 }
 
-// False if the point has no coordinates in one of the volumes. All maps of a frame are of one size, and look along the z axis of a volume.
+// False if the point has no coordinates in one of the volumes. All maps of a frame are of one size, and look along the
+// z axis of a volume.
 bool PairHistory::look_up(const Frame& frame, const glm::dvec3& point_m, uint32_t& visible) {
   visible = 0;
   if (frame.links.empty()) return false;
@@ -57,10 +61,13 @@ bool PairHistory::look_up(const Frame& frame, const glm::dvec3& point_m, uint32_
   return true;
 }
 
-void PairHistory::filter(std::span<const glm::dvec3> position_m, std::span<const uint32_t> visible_now, std::span<const uint64_t> target_ids,
-                         uint32_t steered, const FilterSettings& settings, std::vector<uint32_t>& filtered) {
+void PairHistory::filter(std::span<const glm::dvec3> position_m, std::span<const uint32_t> visible_now,
+                         std::span<const uint64_t> target_ids, uint32_t steered, const FilterSettings& settings,
+                         std::vector<uint32_t>& filtered) {
   const size_t steps = std::min(frames_.size(), static_cast<size_t>(std::max(settings.n, 1)));
-  const auto frame_before = [&](size_t k) -> const Frame& { return frames_[(newest_ + frames_.size() - k) % frames_.size()]; };
+  const auto frame_before = [&](size_t k) -> const Frame& {
+    return frames_[(newest_ + frames_.size() - k) % frames_.size()];
+  };
   index_in_frame_.resize(std::max(index_in_frame_.size(), steps));
   for (size_t k = 1; k < steps; ++k) {
     const std::vector<uint64_t>& then = frame_before(k).target_ids;
@@ -83,7 +90,8 @@ void PairHistory::filter(std::span<const glm::dvec3> position_m, std::span<const
         records_[t].visible |= uint64_t{visible >> then & 1u} << k;
       }
     }
-    filtered[i] = (visible_now[i] & ~steered) | joint_state(records_, steered, settings.n, settings.alpha).visible_targets;
+    filtered[i] = (visible_now[i] & ~steered) |
+                  joint_state(records_, steered, settings.n, settings.alpha).visible_targets;
   }
 }
 

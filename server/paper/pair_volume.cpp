@@ -8,9 +8,9 @@
 namespace sightline {
 namespace {
 
-// A window on the plane z = 1, around the image of the ball's centre. `axis_rad` is the direction of the centre from the z axis, `half_rad` the ball's angular radius.
-// The ball's edges are given by its two tangents in the xz plane, because a plane that contains the y direction and touches the ball
-// touches its outline there.
+// A window on the plane z = 1, around the image of the ball's centre. `axis_rad` is the direction of the centre from
+// the z axis, `half_rad` the ball's angular radius. The ball's edges are given by its two tangents in the xz plane,
+// because a plane that contains the y direction and touches the ball touches its outline there.
 struct Window {
   double middle = 0, half = 0;
 };
@@ -55,8 +55,7 @@ PairGap pair_gap(const glm::dvec3& a_m, const glm::dvec3& b_m, const Bound& boun
   return from_line < kLeastSlantRad * std::max(da, db) ? PairGap::kOnLine : PairGap::kNone;
 }
 
-PairVolume make_pair_volume(const glm::dvec3& a_m, const glm::dvec3& b_m, const Bound& bound,
-                            int resolution) {
+PairVolume make_pair_volume(const glm::dvec3& a_m, const glm::dvec3& b_m, const Bound& bound, int resolution) {
   assert(pair_gap(a_m, b_m, bound) == PairGap::kNone);
   PairVolume v;
   v.a_m = a_m;
@@ -72,7 +71,8 @@ PairVolume make_pair_volume(const glm::dvec3& a_m, const glm::dvec3& b_m, const 
   v.y_top = v.far_m * window_around(0.0, angular_radius(bound.radius_m, center_z)).half;
   const auto columns = [&](double x0, double& min, double& max) {
     const double dx = center_x - x0;
-    const Window window = window_around(std::atan2(dx, center_z), angular_radius(bound.radius_m, std::hypot(dx, center_z)));
+    const Window window = window_around(std::atan2(dx, center_z),
+                                        angular_radius(bound.radius_m, std::hypot(dx, center_z)));
     min = x0 + v.far_m * (window.middle - window.half), max = x0 + v.far_m * (window.middle + window.half);
   };
   columns(0.0, v.xa_min, v.xa_max);
@@ -81,8 +81,7 @@ PairVolume make_pair_volume(const glm::dvec3& a_m, const glm::dvec3& b_m, const 
 }
 
 std::array<MapView, 2> pair_views(const PairVolume& v, const glm::dvec2& jitter) {
-  return {view_from(v, 0.0, v.xa_min, v.xa_max, jitter),
-          view_from(v, v.length_m, v.xb_min, v.xb_max, jitter)};
+  return {view_from(v, 0.0, v.xa_min, v.xa_max, jitter), view_from(v, v.length_m, v.xb_min, v.xb_max, jitter)};
 }
 
 glm::dvec3 meet(const PairVolume& v, double xa, double xb, double y) {

@@ -9,11 +9,11 @@ namespace sightline {
 StepSettings paper_row(Strategy strategy, double prediction_s);
 // The same of RobustMove with its goal as printed, RobustGoal::kCenter.
 StepSettings center_row(double prediction_s);
-// A row of Table 3: Basic without prediction. A candidate is given the state that it had in at least `a` of the last `n` [1, 64]
-// steps; 0/0: no filter.
+// A row of Table 3: Basic without prediction. A candidate is given the state that it had in at least `a` of the last
+// `n` [1, 64] steps; 0/0: no filter.
 StepSettings paper_stability(int a, int n);
-// The same for the scene fence-agile, whose camera may accelerate by 1000 m/s^2. The bound's radius is n dt^2 a. With n = 3 instead of 300 it is
-// as large as in the other scenes.
+// The same for the scene fence-agile, whose camera may accelerate by 1000 m/s^2. The bound's radius is n dt^2 a. With n
+// = 3 instead of 300 it is as large as in the other scenes.
 StepSettings agile_stability(int a, int n);
 
 }  // namespace sightline

@@ -12,7 +12,8 @@ namespace {
 constexpr double kOutsideGroup = 1e6;
 
 // Makes cost the distance to a place, in the largest group first.
-void order_by_distance(std::span<const glm::dvec3> position_m, const glm::dvec3& place_m, const Groups& groups, std::vector<double>& cost) {
+void order_by_distance(std::span<const glm::dvec3> position_m, const glm::dvec3& place_m, const Groups& groups,
+                       std::vector<double>& cost) {
   basic_costs(position_m, place_m, cost);
   for (size_t i = 0; i < cost.size(); ++i)
     if (groups.group_of[i] != groups.largest) cost[i] += kOutsideGroup;
@@ -52,7 +53,8 @@ glm::dvec3 center_of_largest_m(std::span<const glm::dvec3> position_m, const Gro
   return sum_m / count;
 }
 
-void center_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m, const Groups& groups, std::vector<double>& cost) {
+void center_costs(std::span<const glm::dvec3> position_m, const glm::dvec3& desired_m, const Groups& groups,
+                  std::vector<double>& cost) {
   if (groups.largest == kNoGroup) return basic_costs(position_m, desired_m, cost);
   order_by_distance(position_m, center_of_largest_m(position_m, groups), groups, cost);
 }

@@ -51,11 +51,12 @@ class MemorySource final : public ByteSource {
   std::string_view bytes_;
 };
 
-// kNotFound, kAlreadyExists, kResourceExhausted when the device is full or the file as large as it may be, otherwise kUnavailable.
+// kNotFound, kAlreadyExists, kResourceExhausted when the device is full or the file as large as it may be, otherwise
+// kUnavailable.
 ErrorCode code_of_system_error(int number);
 
-// A new file; an existing one is refused (kAlreadyExists). Every write goes to the system at once: written bytes survive a
-// kill of the process, but not a power cut.
+// A new file; an existing one is refused (kAlreadyExists). Every write goes to the system at once: written bytes
+// survive a kill of the process, but not a power cut.
 Result<std::unique_ptr<ByteSink>> create_file_sink(const std::string& path);
 // Fails with kNotFound or kUnavailable; folders and pipes are kInvalidArgument. Its size is fixed when it is opened.
 Result<std::unique_ptr<ByteSource>> open_file_source(const std::string& path);

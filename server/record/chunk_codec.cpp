@@ -9,8 +9,7 @@ void ChunkPacker::Free::operator()(ZSTD_CCtx_s* context) const {
   ZSTD_freeCCtx(context);
 }
 
-ChunkPacker::ChunkPacker(int zstd_level)
-    : level_(zstd_level), context_(zstd_level > 0 ? ZSTD_createCCtx() : nullptr) {}
+ChunkPacker::ChunkPacker(int zstd_level) : level_(zstd_level), context_(zstd_level > 0 ? ZSTD_createCCtx() : nullptr) {}
 
 ChunkPacker::~ChunkPacker() = default;
 
@@ -21,8 +20,7 @@ Status ChunkPacker::pack(std::string_view raw, mcap::Chunk& out) {
   out.records = raw;
   if (level_ == 0) return {};
   packed_.resize(ZSTD_compressBound(raw.size()));
-  const size_t size =
-      ZSTD_compressCCtx(context_.get(), packed_.data(), packed_.size(), raw.data(), raw.size(), level_);
+  const size_t size = ZSTD_compressCCtx(context_.get(), packed_.data(), packed_.size(), raw.data(), raw.size(), level_);
   if (ZSTD_isError(size)) return fail(ErrorCode::kInternal, "chunk", ZSTD_getErrorName(size));
   out.records = std::string_view(packed_).substr(0, size);
   return {};
@@ -37,8 +35,9 @@ void ChunkUnpacker::Free::operator()(LZ4F_dctx_s* context) const {
 }
 
 Error unpacks_too_far(uint64_t max_total_bytes) {
-  return {ErrorCode::kResourceExhausted, "", "its chunks unpack to more than " + std::to_string(max_total_bytes) +
-                                                 " bytes, the limit for a file of this size: no recorded session does"};
+  return {ErrorCode::kResourceExhausted, "",
+          "its chunks unpack to more than " + std::to_string(max_total_bytes) +
+              " bytes, the limit for a file of this size: no recorded session does"};
 }
 
 ChunkUnpacker::ChunkUnpacker(uint64_t max_bytes, uint64_t max_total_bytes)
@@ -48,9 +47,8 @@ ChunkUnpacker::~ChunkUnpacker() = default;
 
 Result<std::string_view> ChunkUnpacker::unpack(const mcap::Chunk& chunk) {
   if (chunk.uncompressed_size > max_bytes_)
-    return fail(
-        ErrorCode::kResourceExhausted, "chunk.uncompressed_size",
-        "must be at most " + std::to_string(max_bytes_) + ", got " + std::to_string(chunk.uncompressed_size));
+    return fail(ErrorCode::kResourceExhausted, "chunk.uncompressed_size",
+                "must be at most " + std::to_string(max_bytes_) + ", got " + std::to_string(chunk.uncompressed_size));
   // What is not packed takes its own bytes of the file.
   if (!chunk.compression.empty()) {
     exhausted_ = exhausted_ || chunk.uncompressed_size > left_;
@@ -81,8 +79,8 @@ Result<std::string_view> ChunkUnpacker::unpack_zstd(const mcap::Chunk& chunk) {
   if (claimed == ZSTD_CONTENTSIZE_ERROR || lies)
     return fail(ErrorCode::kDataLoss, "chunk.records", "are not what the chunk declares");
   if (raw_.size() < chunk.uncompressed_size) raw_.resize(chunk.uncompressed_size);
-  const size_t size = ZSTD_decompressDCtx(context_.get(), raw_.data(), chunk.uncompressed_size,
-                                          chunk.records.data(), chunk.records.size());
+  const size_t size = ZSTD_decompressDCtx(context_.get(), raw_.data(), chunk.uncompressed_size, chunk.records.data(),
+                                          chunk.records.size());
   if (ZSTD_isError(size)) return fail(ErrorCode::kDataLoss, "chunk.records", ZSTD_getErrorName(size));
   return std::string_view(raw_).substr(0, size);
 }
@@ -99,7 +97,8 @@ Result<std::string_view> ChunkUnpacker::unpack_lz4(const mcap::Chunk& chunk) {
   size_t read = 0, written = 0, wanted = 0;  // wanted: 0 at the end of a frame
   while (read < chunk.records.size()) {
     size_t in = chunk.records.size() - read, out = chunk.uncompressed_size - written;
-    wanted = LZ4F_decompress(lz4_context_.get(), raw_.data() + written, &out, chunk.records.data() + read, &in, nullptr);
+    wanted = LZ4F_decompress(lz4_context_.get(), raw_.data() + written, &out, chunk.records.data() + read, &in,
+                             nullptr);
     if (LZ4F_isError(wanted)) return broken(LZ4F_getErrorName(wanted));
     if (in == 0 && out == 0) return broken("hold more than the chunk declares");
     read += in;

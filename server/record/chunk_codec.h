@@ -1,5 +1,5 @@
-// Packs and unpacks the records of a chunk. Chunks are packed with zstd (RFC 8878) or stay as they are. Chunks of other programs may
-// be packed with lz4 (LZ4 frames) too, and are unpacked.
+// Packs and unpacks the records of a chunk. Chunks are packed with zstd (RFC 8878) or stay as they are. Chunks of other
+// programs may be packed with lz4 (LZ4 frames) too, and are unpacked.
 #pragma once
 
 #include <cstdint>
@@ -23,8 +23,8 @@ class ChunkPacker {
   explicit ChunkPacker(int zstd_level);
   ~ChunkPacker();
 
-  // Fills `compression`, `records`, size and CRC of the chunk. `records` is a view that is valid until the next call; with
-  // level 0 it is a view of `raw`.
+  // Fills `compression`, `records`, size and CRC of the chunk. `records` is a view that is valid until the next call;
+  // with level 0 it is a view of `raw`.
   Status pack(std::string_view raw, mcap::Chunk& out);
 
  private:
@@ -47,8 +47,8 @@ class ChunkUnpacker {
   ~ChunkUnpacker();
 
   // The chunk's records, valid until the next call. Allocates at most max_bytes, and writes no more than the chunk
-  // declares, however far the packed bytes would expand. Fails with kResourceExhausted over the limit, kUnsupported for a
-  // compression that this build does not have, kDataLoss for wrong sizes, unreadable bytes or a wrong CRC.
+  // declares, however far the packed bytes would expand. Fails with kResourceExhausted over the limit, kUnsupported for
+  // a compression that this build does not have, kDataLoss for wrong sizes, unreadable bytes or a wrong CRC.
   Result<std::string_view> unpack(const mcap::Chunk& chunk);
   // A chunk was refused for the sake of `max_total_bytes`: every later one is too.
   bool exhausted() const { return exhausted_; }

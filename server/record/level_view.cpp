@@ -52,13 +52,15 @@ std::string viewer_frame_of(uint64_t id) {
   return frame.append(std::to_string(id));
 }
 
-LevelView level_view_of(const SceneMirror& mirror, const Convention& convention, const v1::OpenSession& open, uint64_t time_ns) {
+LevelView level_view_of(const SceneMirror& mirror, const Convention& convention, const v1::OpenSession& open,
+                        uint64_t time_ns) {
   const Convention viewer = ros_convention();
   LevelView view;
   for (const Instance* instance : largest_first(mirror, shaped_ids(open))) {
     const Pose& pose = instance->pose;
     LevelNode& node = view.nodes[instance->id];
-    node.rest = {position_to_client(viewer, pose.position_m + convention.origin_m), rotation_to_client(viewer, pose.rotation)};
+    node.rest = {position_to_client(viewer, pose.position_m + convention.origin_m),
+                 rotation_to_client(viewer, pose.rotation)};
     node.linear = instance->linear;
     node.centre_m = glm::dvec3(instance->geometry->bounds.center());
     const uint64_t triangles = instance->geometry->triangle_count();

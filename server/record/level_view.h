@@ -1,5 +1,5 @@
-// Viewers see the scene file of a session as triangles, with the places and names of its nodes. The messages of a session name the file but do
-// not hold it. So this view is made from the session itself, once, when it opens.
+// Viewers see the scene file of a session as triangles, with the places and names of its nodes. The messages of a
+// session name the file but do not hold it. So this view is made from the session itself, once, when it opens.
 #pragma once
 
 #include <cstdint>
@@ -29,8 +29,10 @@ struct LevelView {
   static constexpr uint64_t kMostTriangles = 100'000;
 };
 
-// `convention`: with the session's world origin. Takes time in proportion to the triangles, at most kMostTriangles of them.
-LevelView level_view_of(const SceneMirror& mirror, const Convention& convention, const v1::OpenSession& open, uint64_t time_ns);
+// `convention`: with the session's world origin. Takes time in proportion to the triangles, at most kMostTriangles of
+// them.
+LevelView level_view_of(const SceneMirror& mirror, const Convention& convention, const v1::OpenSession& open,
+                        uint64_t time_ns);
 
 // The frame of an instance in messages for viewers: "instance/<id>".
 std::string viewer_frame_of(uint64_t id);

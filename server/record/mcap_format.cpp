@@ -48,7 +48,7 @@ class Packer {
 
  private:
   template <typename T>
-    requires std::is_unsigned_v<T> || std::is_enum_v<T>
+  requires std::is_unsigned_v<T> || std::is_enum_v<T>
   void put(T value) {
     char bytes[sizeof value];
     std::memcpy(bytes, &value, sizeof value);
@@ -66,7 +66,7 @@ class Packer {
   void put(const Rest<const std::string_view>& field) { out_.append(field.bytes); }
   // A map, or a list of pairs: its length in bytes, then its elements.
   template <typename Pairs>
-    requires requires { typename Pairs::value_type::second_type; }
+  requires requires { typename Pairs::value_type::second_type; }
   void put(const Pairs& pairs) {
     const size_t length_at = out_.size();
     put(uint32_t{0});
@@ -101,7 +101,7 @@ class Unpacker {
 
  private:
   template <typename T>
-    requires std::is_unsigned_v<T> || std::is_enum_v<T>
+  requires std::is_unsigned_v<T> || std::is_enum_v<T>
   void take(T& out) {
     const std::string_view bytes = take_bytes(sizeof out);
     if (ok_) std::memcpy(&out, bytes.data(), sizeof out);
@@ -123,7 +123,7 @@ class Unpacker {
   }
   void take(const Rest<std::string_view>& field) { field.bytes = take_bytes(bytes_.size()); }
   template <typename Pairs>
-    requires requires { typename Pairs::value_type::second_type; }
+  requires requires { typename Pairs::value_type::second_type; }
   void take(Pairs& out) {
     out.clear();
     std::string_view bytes;
@@ -163,15 +163,14 @@ void fields(auto& list, Is<Message> auto& r) {
   list(r.channel_id, r.sequence, r.log_time_ns, r.publish_time_ns, Rest{r.data});
 }
 void fields(auto& list, Is<Chunk> auto& r) {
-  list(r.start_time_ns, r.end_time_ns, r.uncompressed_size, r.uncompressed_crc, r.compression,
-       Long{r.records});
+  list(r.start_time_ns, r.end_time_ns, r.uncompressed_size, r.uncompressed_crc, r.compression, Long{r.records});
 }
 void fields(auto& list, Is<MessageIndex> auto& r) {
   list(r.channel_id, r.records);
 }
 void fields(auto& list, Is<ChunkIndex> auto& r) {
-  list(r.start_time_ns, r.end_time_ns, r.chunk_start, r.chunk_length, r.message_index_offsets,
-       r.message_index_length, r.compression, r.compressed_size, r.uncompressed_size);
+  list(r.start_time_ns, r.end_time_ns, r.chunk_start, r.chunk_length, r.message_index_offsets, r.message_index_length,
+       r.compression, r.compressed_size, r.uncompressed_size);
 }
 // Without the CRC of what is listed here.
 void fields(auto& list, Is<Attachment> auto& r) {

@@ -1,7 +1,7 @@
-// The records of MCAP, the container of recordings, and their bytes: https://mcap.dev/spec (major version 0). Every record
-// is <opcode, 1 byte> <length of the body, 8 bytes> <body>. Integers are little-endian. A string is its length in 4 bytes,
-// then its bytes. Arrays and maps are their length in bytes, in 4 bytes, then the elements. Times are nanoseconds, in our
-// recordings since 1970 (UTC). CRCs are CRC-32 as in zlib; 0 means that there is none.
+// The records of MCAP, the container of recordings, and their bytes: https://mcap.dev/spec (major version 0). Every
+// record is <opcode, 1 byte> <length of the body, 8 bytes> <body>. Integers are little-endian. A string is its length
+// in 4 bytes, then its bytes. Arrays and maps are their length in bytes, in 4 bytes, then the elements. Times are
+// nanoseconds, in our recordings since 1970 (UTC). CRCs are CRC-32 as in zlib; 0 means that there is none.
 //
 // This file only translates records. mcap_writer.h, mcap_scanner.h and mcap_reader.h know their order in a file.
 #pragma once
@@ -16,7 +16,7 @@
 namespace sightline::mcap {
 
 inline constexpr std::string_view kMagic{"\x89MCAP0\r\n", 8};
-inline constexpr uint64_t kRecordHeadBytes = 9;  // opcode and length
+inline constexpr uint64_t kRecordHeadBytes = 9;                                 // opcode and length
 inline constexpr uint64_t kDataEndBytes = kRecordHeadBytes + sizeof(uint32_t);  // a whole DataEnd record
 inline constexpr uint64_t kFooterContentBytes = 20;
 // A whole Footer record and the magic after it, the end of a finished file.
@@ -177,18 +177,18 @@ uint32_t crc32_of(std::string_view bytes, uint32_t before = 0);
 template <typename Record>
 void append_record(std::string& out, const Record& record);
 
-// Reads the fields of one record; `content` has neither its opcode nor its length. Returns false when it is too short for the
-// sizes that it declares; `out` is then unspecified. Bytes after the known fields are ignored, as the specification asks. Never
-// allocates more than a small multiple of the size of `content`.
+// Reads the fields of one record; `content` has neither its opcode nor its length. Returns false when it is too short
+// for the sizes that it declares; `out` is then unspecified. Bytes after the known fields are ignored, as the
+// specification asks. Never allocates more than a small multiple of the size of `content`.
 template <typename Record>
 bool decode(std::string_view content, Record& out);
 
-// Reads the fields of an attachment that precede its data, from its first bytes. Does not change `offset` and `length`. Returns
-// false when there are too few bytes.
+// Reads the fields of an attachment that precede its data, from its first bytes. Does not change `offset` and `length`.
+// Returns false when there are too few bytes.
 bool decode_head(std::string_view content_start, AttachmentIndex& out);
 
-// Removes the record at the front of `bytes`. Returns false, and leaves `bytes`, at the end or when the rest is too short
-// for the record that it begins.
+// Removes the record at the front of `bytes`. Returns false, and leaves `bytes`, at the end or when the rest is too
+// short for the record that it begins.
 struct RecordView {
   Opcode opcode = Opcode::kHeader;
   std::string_view content;

@@ -12,14 +12,14 @@ namespace sightline {
 
 // A file is untrusted: nothing that it declares makes a reader hold more than these limits.
 struct McapLimits {
-  uint64_t max_chunk_bytes = uint64_t{64} << 20;   // a chunk's records, unpacked
-  uint64_t max_record_bytes = uint64_t{80} << 20;  // any record but an attachment, as stored
+  uint64_t max_chunk_bytes = uint64_t{64} << 20;      // a chunk's records, unpacked
+  uint64_t max_record_bytes = uint64_t{80} << 20;     // any record but an attachment, as stored
   uint64_t max_attachment_bytes = uint64_t{1} << 30;  // only when one is asked for
   uint64_t max_summary_bytes = uint64_t{64} << 20;
   uint64_t max_definition_bytes = uint64_t{64} << 20;  // all schemas and channels together
-  // All chunks that one reading unpacks, together; empty: within kFreeUnpackedBytes and kMostExpansion times the file's size. A few kilobytes can
-  // unpack to a whole chunk, so without it a small file would keep its reader busy for as long as it likes. A session with 1,000
-  // instances that never move unpacks to 64 times.
+  // All chunks that one reading unpacks, together; empty: within kFreeUnpackedBytes and kMostExpansion times the file's
+  // size. A few kilobytes can unpack to a whole chunk, so without it a small file would keep its reader busy for as
+  // long as it likes. A session with 1,000 instances that never move unpacks to 64 times.
   std::optional<uint64_t> max_unpacked_bytes = {};
 
   static constexpr uint64_t kFreeUnpackedBytes = uint64_t{256} << 20, kMostExpansion = 512;

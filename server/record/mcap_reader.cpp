@@ -21,16 +21,15 @@ Result<std::string> load(const ByteSource& source, uint64_t offset, uint64_t cou
   if (offset > source.size() || count > source.size() - offset)
     return tl::unexpected(broken("offset", "points beyond the end of the file"));
   if (count > limit)
-    return fail(ErrorCode::kResourceExhausted, "record",
-                "is larger than the limit of " + std::to_string(limit));
+    return fail(ErrorCode::kResourceExhausted, "record", "is larger than the limit of " + std::to_string(limit));
   std::string bytes(count, '\0');
   if (Status ok = source.read_at(offset, bytes.data(), count); !ok) return tl::unexpected(ok.error());
   return bytes;
 }
 
 // Loads the record that an index points to; the result is a view of `bytes`.
-Result<std::string_view> load_record(const ByteSource& source, uint64_t offset, uint64_t length,
-                                     Opcode opcode, uint64_t limit, std::string& bytes) {
+Result<std::string_view> load_record(const ByteSource& source, uint64_t offset, uint64_t length, Opcode opcode,
+                                     uint64_t limit, std::string& bytes) {
   Result<std::string> loaded = load(source, offset, length, limit);
   if (!loaded) return tl::unexpected(loaded.error());
   bytes = std::move(*loaded);
@@ -67,32 +66,31 @@ uint32_t summary_crc(std::string_view summary, std::string_view tail) {
 
 void count_message(const mcap::Message& message, mcap::Statistics& statistics) {
   const bool first = statistics.message_count == 0;
-  statistics.start_time_ns =
-      first ? message.log_time_ns : std::min(statistics.start_time_ns, message.log_time_ns);
-  statistics.end_time_ns =
-      first ? message.log_time_ns : std::max(statistics.end_time_ns, message.log_time_ns);
+  statistics.start_time_ns = first ? message.log_time_ns : std::min(statistics.start_time_ns, message.log_time_ns);
+  statistics.end_time_ns = first ? message.log_time_ns : std::max(statistics.end_time_ns, message.log_time_ns);
   ++statistics.message_count;
   ++statistics.channel_message_counts[message.channel_id];
 }
 
 // `length` is of the whole record.
-bool read_attachment_head(const ByteSource& source, uint64_t offset, uint64_t length,
-                          mcap::AttachmentIndex& out) {
+bool read_attachment_head(const ByteSource& source, uint64_t offset, uint64_t length, mcap::AttachmentIndex& out) {
   constexpr uint64_t kHeadBytes = 64 << 10;  // times, two texts and the size of the data
   const uint64_t content = length - mcap::kRecordHeadBytes;
-  const Result<std::string> head =
-      load(source, offset + mcap::kRecordHeadBytes, std::min(content, kHeadBytes), kHeadBytes);
+  const Result<std::string> head = load(source, offset + mcap::kRecordHeadBytes, std::min(content, kHeadBytes),
+                                        kHeadBytes);
   if (!head || !mcap::decode_head(*head, out)) return false;
   out.offset = offset;
   out.length = length;
   return out.data_size <= content;
 }
 
-// The optional parts that a summary lacks although the file may need them. Without statistics, only a scan can show that there is nothing
-// to index.
+// The optional parts that a summary lacks although the file may need them. Without statistics, only a scan can show
+// that there is nothing to index.
 std::vector<std::string> absent_parts(const McapInfo& summary) {
   const mcap::Statistics& counted = summary.statistics;
-  const auto lacks = [&](bool has_index, uint64_t count) { return !has_index && (count > 0 || !summary.has_statistics); };
+  const auto lacks = [&](bool has_index, uint64_t count) {
+    return !has_index && (count > 0 || !summary.has_statistics);
+  };
   std::vector<std::string> absent;
   if (!summary.has_statistics) absent.emplace_back("statistics");
   if (summary.schemas.size() < counted.schema_count) absent.emplace_back("schemas");
@@ -106,8 +104,7 @@ std::vector<std::string> absent_parts(const McapInfo& summary) {
 // Receives messages one by one and passes on the ones that match a query.
 class Filter {
  public:
-  Filter(const McapInfo& info, uint64_t room, const McapQuery& query, const Visit& visit,
-         McapReadReport& report)
+  Filter(const McapInfo& info, uint64_t room, const McapQuery& query, const Visit& visit, McapReadReport& report)
       : info_(info), query_(query), visit_(visit), report_(report), room_(room) {}
 
   // False: no further message is wanted.
@@ -138,8 +135,7 @@ class Filter {
     }
     if (message.log_time_ns < query_.start_ns || message.log_time_ns >= query_.end_ns) return true;
     const auto& topics = query_.topics;
-    if (!topics.empty() && std::find(topics.begin(), topics.end(), channel->topic) == topics.end())
-      return true;
+    if (!topics.empty() && std::find(topics.begin(), topics.end(), channel->topic) == topics.end()) return true;
     ++report_.messages;
     return visit_({*channel, find_schema(channel->schema_id), message});
   }
@@ -166,8 +162,8 @@ class Filter {
 }  // namespace
 
 Result<McapReader> McapReader::open(const ByteSource& source, McapLimits limits) {
-  Result<std::string> magic =
-      load(source, 0, std::min(source.size(), uint64_t{mcap::kMagic.size()}), mcap::kMagic.size());
+  Result<std::string> magic = load(source, 0, std::min(source.size(), uint64_t{mcap::kMagic.size()}),
+                                   mcap::kMagic.size());
   if (!magic) return tl::unexpected(magic.error());
   if (*magic != mcap::kMagic) return tl::unexpected(broken("", "is not an MCAP file"));
   McapReader reader(source, limits);
@@ -216,8 +212,8 @@ Result<bool> McapReader::read_summary(McapInfo& out) const {
   if (footer.summary_start < mcap::kMagic.size() || footer.summary_start > tail->start)
     return tl::unexpected(broken("footer.summary_start", "points to no summary"));
 
-  Result<std::string> summary =
-      load(*source_, footer.summary_start, tail->start - footer.summary_start, limits_.max_summary_bytes);
+  Result<std::string> summary = load(*source_, footer.summary_start, tail->start - footer.summary_start,
+                                     limits_.max_summary_bytes);
   if (!summary) return tl::unexpected(summary.error());
   if (footer.summary_crc != 0 && footer.summary_crc != summary_crc(*summary, tail->bytes))
     return tl::unexpected(broken("footer.summary_crc", "is not the CRC of the summary"));
@@ -231,8 +227,7 @@ Result<bool> McapReader::read_summary(McapInfo& out) const {
     if (record.opcode == Opcode::kChunkIndex) sound = decode_into(out.chunks);
     if (record.opcode == Opcode::kAttachmentIndex) sound = decode_into(out.attachments);
     if (record.opcode == Opcode::kMetadataIndex) sound = decode_into(out.metadata);
-    if (record.opcode == Opcode::kStatistics)
-      sound = out.has_statistics = mcap::decode(record.content, out.statistics);
+    if (record.opcode == Opcode::kStatistics) sound = out.has_statistics = mcap::decode(record.content, out.statistics);
     if (!sound) return tl::unexpected(broken("summary", kUnfit));
   }
   if (!rest.empty()) return tl::unexpected(broken("summary", "ends within a record"));
@@ -248,11 +243,9 @@ Status McapReader::read_header(McapInfo& out) const {
   uint64_t length = 0;
   std::copy_n(head + 1, sizeof length, reinterpret_cast<char*>(&length));
   if (length > source_->size()) return tl::unexpected(broken("header", "is longer than the file"));
-  const Result<std::string_view> header =
-      load_record(*source_, mcap::kMagic.size(), mcap::kRecordHeadBytes + length, Opcode::kHeader,
-                  limits_.max_record_bytes, bytes);
-  if (!header || !mcap::decode(*header, out.header))
-    return tl::unexpected(broken("header", "there is none"));
+  const Result<std::string_view> header = load_record(*source_, mcap::kMagic.size(), mcap::kRecordHeadBytes + length,
+                                                      Opcode::kHeader, limits_.max_record_bytes, bytes);
+  if (!header || !mcap::decode(*header, out.header)) return tl::unexpected(broken("header", "there is none"));
   return {};
 }
 
@@ -269,8 +262,7 @@ Status McapReader::check_summary(const McapInfo& summary) const {
       return tl::unexpected(broken("chunk_index", "points to no chunk"));
     // Chunks do not overlap, so that a short file cannot ask for the same one a million times.
     declared += chunk.chunk_length + chunk.message_index_length;
-    if (declared > source_->size())
-      return tl::unexpected(broken("chunk_index", "the chunks are larger than the file"));
+    if (declared > source_->size()) return tl::unexpected(broken("chunk_index", "the chunks are larger than the file"));
     // The chunks themselves say whether that is so.
     if (!chunk.compression.empty() && chunk.uncompressed_size > left)
       return tl::unexpected(broken("chunk_index", "the chunks unpack to more than the limit for a file of this size"));
@@ -280,15 +272,14 @@ Status McapReader::check_summary(const McapInfo& summary) const {
     if (!inside(index.offset, index.length))
       return tl::unexpected(broken("attachment_index", "points to no attachment"));
   for (const mcap::MetadataIndex& index : summary.metadata)
-    if (!inside(index.offset, index.length))
-      return tl::unexpected(broken("metadata_index", "points to no metadata"));
+    if (!inside(index.offset, index.length)) return tl::unexpected(broken("metadata_index", "points to no metadata"));
   if (!summary.chunks.empty() && summary.chunks.size() < summary.statistics.chunk_count)
     return tl::unexpected(broken("summary", "has no index of all chunks"));
   return {};
 }
 
-// Schemas and channels of chunks that were lost. `start`: where the summary stands, behind the data. Its offsets may be wrong in a damaged file, so
-// only its CRC counts.
+// Schemas and channels of chunks that were lost. `start`: where the summary stands, behind the data. Its offsets may be
+// wrong in a damaged file, so only its CRC counts.
 void McapReader::learn_from_summary(uint64_t start, uint64_t& room) {
   const Result<Tail> tail = read_tail();
   if (!tail || start > tail->start) return;
@@ -309,8 +300,7 @@ Status McapReader::go_through() {
   const auto take = [&](const mcap::RecordView& part, uint64_t offset, McapInfo& definitions) {
     mcap::Message message;
     if (!learn(part, definitions, room)) info_.loss.note(offset, broken("record", kUnfit));
-    if (part.opcode == Opcode::kMessage && mcap::decode(part.content, message))
-      count_message(message, counted);
+    if (part.opcode == Opcode::kMessage && mcap::decode(part.content, message)) count_message(message, counted);
   };
   while (scanner.next(record)) {
     if (record.opcode == Opcode::kChunk) {
@@ -356,7 +346,8 @@ Status McapReader::go_through() {
   counted.metadata_count = static_cast<uint32_t>(info_.metadata.size());
   counted.chunk_count = static_cast<uint32_t>(info_.chunks.size());
   const auto needless = [&](const std::string& part) {
-    return (part == "chunk index" && info_.chunks.empty()) || (part == "attachment index" && info_.attachments.empty()) ||
+    return (part == "chunk index" && info_.chunks.empty()) ||
+           (part == "attachment index" && info_.attachments.empty()) ||
            (part == "metadata index" && info_.metadata.empty());
   };
   std::erase_if(info_.absent, needless);
@@ -370,25 +361,23 @@ Status McapReader::go_through() {
 bool McapReader::wanted(const mcap::ChunkIndex& chunk, const McapQuery& query) const {
   if (chunk.end_time_ns < query.start_ns || chunk.start_time_ns >= query.end_ns) return false;
   if (query.topics.empty() || chunk.message_index_offsets.empty()) return true;
-  return std::any_of(
-      chunk.message_index_offsets.begin(), chunk.message_index_offsets.end(), [&](const auto& entry) {
-        const auto channel = info_.channels.find(entry.first);
-        return channel == info_.channels.end() || std::find(query.topics.begin(), query.topics.end(),
-                                                            channel->second.topic) != query.topics.end();
-      });
+  return std::any_of(chunk.message_index_offsets.begin(), chunk.message_index_offsets.end(), [&](const auto& entry) {
+    const auto channel = info_.channels.find(entry.first);
+    return channel == info_.channels.end() ||
+           std::find(query.topics.begin(), query.topics.end(), channel->second.topic) != query.topics.end();
+  });
 }
 
 uint64_t McapReader::messages_by_index(const mcap::ChunkIndex& chunk) const {
-  const Result<std::string> bytes = load(*source_, chunk.chunk_start + chunk.chunk_length,
-                                         chunk.message_index_length, limits_.max_record_bytes);
+  const Result<std::string> bytes = load(*source_, chunk.chunk_start + chunk.chunk_length, chunk.message_index_length,
+                                         limits_.max_record_bytes);
   if (!bytes) return 0;
   std::string_view rest = *bytes;
   uint64_t count = 0;
   mcap::RecordView record;
   mcap::MessageIndex index;
   while (mcap::take_record(rest, record))
-    if (record.opcode == Opcode::kMessageIndex && mcap::decode(record.content, index))
-      count += index.records.size();
+    if (record.opcode == Opcode::kMessageIndex && mcap::decode(record.content, index)) count += index.records.size();
   return count;
 }
 
@@ -408,8 +397,8 @@ void McapReader::read_chunks(const McapQuery& query, const Visit& visit, McapRea
   for (const mcap::ChunkIndex& index : info_.chunks) {
     if (!wanted(index, query)) continue;
     mcap::Chunk chunk;
-    Result<std::string_view> records = load_record(*source_, index.chunk_start, index.chunk_length,
-                                                   Opcode::kChunk, limits_.max_record_bytes, bytes);
+    Result<std::string_view> records = load_record(*source_, index.chunk_start, index.chunk_length, Opcode::kChunk,
+                                                   limits_.max_record_bytes, bytes);
     if (records && !mcap::decode(*records, chunk)) records = tl::unexpected(broken("chunk", "is too short"));
     if (records) records = unpacker.unpack(chunk);
     if (!records) {
@@ -442,13 +431,12 @@ void McapReader::read_through(const McapQuery& query, const Visit& visit, McapRe
 
 Result<std::string> McapReader::attachment(const mcap::AttachmentIndex& index) const {
   std::string bytes;
-  const Result<std::string_view> content = load_record(
-      *source_, index.offset, index.length, Opcode::kAttachment, limits_.max_attachment_bytes, bytes);
+  const Result<std::string_view> content = load_record(*source_, index.offset, index.length, Opcode::kAttachment,
+                                                       limits_.max_attachment_bytes, bytes);
   if (!content) return tl::unexpected(content.error());
   mcap::Attachment attachment;
   if (!mcap::decode(*content, attachment)) return tl::unexpected(broken("attachment", "is too short"));
-  const size_t checked =
-      static_cast<size_t>(attachment.data.data() + attachment.data.size() - content->data());
+  const size_t checked = static_cast<size_t>(attachment.data.data() + attachment.data.size() - content->data());
   if (attachment.crc != 0 && mcap::crc32_of(content->substr(0, checked)) != attachment.crc)
     return tl::unexpected(broken("attachment.crc", "is not the CRC of the attachment"));
   return std::string(attachment.data);
@@ -456,8 +444,8 @@ Result<std::string> McapReader::attachment(const mcap::AttachmentIndex& index) c
 
 Result<mcap::Metadata> McapReader::metadata(const mcap::MetadataIndex& index) const {
   std::string bytes;
-  const Result<std::string_view> content =
-      load_record(*source_, index.offset, index.length, Opcode::kMetadata, limits_.max_record_bytes, bytes);
+  const Result<std::string_view> content = load_record(*source_, index.offset, index.length, Opcode::kMetadata,
+                                                       limits_.max_record_bytes, bytes);
   if (!content) return tl::unexpected(content.error());
   mcap::Metadata metadata;
   if (!mcap::decode(*content, metadata)) return tl::unexpected(broken("metadata", "is too short"));

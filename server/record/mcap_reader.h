@@ -5,10 +5,10 @@
 //   reader->info()                                    what is in it: topics, schemas, counts, times
 //   reader->read({.start_ns = t}, [](const McapMessage& m) { ...; return true; });
 //
-// With a complete summary, only the tail of the file is read at first, and then the chunks that a query needs. Without one, with one
-// that lacks an optional part, or with one that does not fit the file, the whole file is scanned once to make the same index. Damage costs the chunks that
-// it lies in, and losses are counted. Everything that a file declares is checked against the file's size and the limits
-// (mcap_loss.h).
+// With a complete summary, only the tail of the file is read at first, and then the chunks that a query needs. Without
+// one, with one that lacks an optional part, or with one that does not fit the file, the whole file is scanned once to
+// make the same index. Damage costs the chunks that it lies in, and losses are counted. Everything that a file declares
+// is checked against the file's size and the limits (mcap_loss.h).
 #pragma once
 
 #include <cstdint>
@@ -75,8 +75,8 @@ class McapReader {
   // The summary as the file has it, even when it lacks parts; null: there is none that fits the file.
   const McapInfo* summary() const { return summary_ ? &*summary_ : nullptr; }
 
-  // Calls `visit` with every message of the query, in the order of the file, until it returns false. In our recordings that
-  // is the order of events. Messages outside chunks are found only in a file without a summary.
+  // Calls `visit` with every message of the query, in the order of the file, until it returns false. In our recordings
+  // that is the order of events. Messages outside chunks are found only in a file without a summary.
   McapReadReport read(const McapQuery& query, const std::function<bool(const McapMessage&)>& visit) const;
 
   // The bytes of an attachment of info(). kDataLoss on a wrong CRC or offset, kResourceExhausted over the limit.

@@ -15,7 +15,12 @@ using mcap::Opcode;
 class Copy {
  public:
   Copy(const ByteSource& source, ByteSink& sink, McapLimits limits, McapWriterOptions options, McapRecovery& done)
-      : source_(source), sink_(sink), limits_(limits), options_(std::move(options)), room_(limits.max_definition_bytes), done_(done) {}
+      : source_(source),
+        sink_(sink),
+        limits_(limits),
+        options_(std::move(options)),
+        room_(limits.max_definition_bytes),
+        done_(done) {}
 
   Status take(const mcap::RecordView& record, uint64_t offset) {
     offset_ = offset;
@@ -64,8 +69,8 @@ class Copy {
     return {};
   }
 
-  // Definitions are only written when a message needs them. Those outside chunks have no CRC, and in files of earlier versions
-  // the chunk that first uses one repeats it.
+  // Definitions are only written when a message needs them. Those outside chunks have no CRC, and in files of earlier
+  // versions the chunk that first uses one repeats it.
   Status take_schema(std::string_view content) {
     mcap::Schema schema;
     if (!mcap::decode(content, schema) || content.size() > room_) return lose("a schema that does not fit");
@@ -84,9 +89,11 @@ class Copy {
     return {};
   }
 
-  // Null: no sound part of the source has it. A lost chunk may have held the only record in the data; the summary repeats it.
+  // Null: no sound part of the source has it. A lost chunk may have held the only record in the data; the summary
+  // repeats it.
   template <typename Record>
-  const Record* find(uint16_t id, const std::map<uint16_t, Record>& known, std::map<uint16_t, Record> McapInfo::*repeated) {
+  const Record* find(uint16_t id, const std::map<uint16_t, Record>& known,
+                     std::map<uint16_t, Record> McapInfo::*repeated) {
     if (const auto found = known.find(id); found != known.end()) return &found->second;
     const McapInfo* whole = whole_source();
     if (whole == nullptr) return nullptr;
@@ -116,8 +123,8 @@ class Copy {
     if (channel == nullptr) return fail(ErrorCode::kDataLoss, "channel", "a message without its channel");
     const Result<uint16_t> schema = schema_of(channel->schema_id);
     if (!schema) return schema;
-    const Result<uint16_t> made =
-        writer().add_channel(channel->topic, *schema, channel->message_encoding, channel->metadata);
+    const Result<uint16_t> made = writer().add_channel(channel->topic, *schema, channel->message_encoding,
+                                                       channel->metadata);
     if (made) channels_[id] = *made;
     return made;
   }
@@ -179,8 +186,7 @@ Result<McapRecovery> recover_mcap(const ByteSource& source, ByteSink& sink, Mcap
   ScannedRecord record;
   while (scanner.next(record)) {
     if (record.opcode != Opcode::kChunk) {
-      if (Status ok = copy.take({record.opcode, record.content}, record.offset); !ok)
-        return tl::unexpected(ok.error());
+      if (Status ok = copy.take({record.opcode, record.content}, record.offset); !ok) return tl::unexpected(ok.error());
       continue;
     }
     ++done.chunks;

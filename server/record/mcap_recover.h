@@ -23,9 +23,9 @@ using RecoveryNote = std::function<std::optional<mcap::Metadata>(const McapRecov
 
 // Copies to `sink` every message, attachment and metadata of `source` in whole chunks and records, in the order of the
 // file, with their own times and sequences. Then it writes the summary, so that the copy is a finished file. A chunk is
-// whole when its CRC is right; nothing is copied from other chunks. `options.profile` and `.library` are replaced by the
-// values of the source. `note`, if given, is called at the end for metadata to add to the copy. Fails with kDataLoss when
-// not even one record of the source is sound, and when the sink fails.
+// whole when its CRC is right; nothing is copied from other chunks. `options.profile` and `.library` are replaced by
+// the values of the source. `note`, if given, is called at the end for metadata to add to the copy. Fails with
+// kDataLoss when not even one record of the source is sound, and when the sink fails.
 Result<McapRecovery> recover_mcap(const ByteSource& source, ByteSink& sink, McapLimits limits,
                                   McapWriterOptions options, const RecoveryNote& note = {});
 

@@ -74,7 +74,8 @@ McapScanner::Found McapScanner::look_at(uint64_t offset, ScannedRecord& out) {
     return Found::kEnd;
   }
   if (!plausible_head(offset)) {
-    loss_.note(offset, broken(cut_off_at(offset) ? "the file ends within this record: it was not finished" : "no record begins here"));
+    loss_.note(offset, broken(cut_off_at(offset) ? "the file ends within this record: it was not finished"
+                                                 : "no record begins here"));
     return Found::kBroken;
   }
   char head[mcap::kRecordHeadBytes];
@@ -85,8 +86,7 @@ McapScanner::Found McapScanner::look_at(uint64_t offset, ScannedRecord& out) {
   out.opcode = static_cast<Opcode>(head[0]);
   out.length = mcap::kRecordHeadBytes + read_u64(head + 1);
   const Found found = load(out);
-  if (out.opcode != Opcode::kMessageIndex)
-    lost_chunk_ = found == Found::kBroken && out.opcode == Opcode::kChunk;
+  if (out.opcode != Opcode::kMessageIndex) lost_chunk_ = found == Found::kBroken && out.opcode == Opcode::kChunk;
   return found;
 }
 
@@ -97,11 +97,14 @@ bool McapScanner::plausible_head(uint64_t offset) const {
          read_u64(head + 1) <= source_.size() - offset - mcap::kRecordHeadBytes;
 }
 
-// The head of a record is there, or a part of it, and the file ends before the record does. A record of a plausible size, that is.
+// The head of a record is there, or a part of it, and the file ends before the record does. A record of a plausible
+// size, that is.
 bool McapScanner::cut_off_at(uint64_t offset) const {
   char head[mcap::kRecordHeadBytes] = {};
   const uint64_t there = source_.size() - offset;
-  if (!source_.read_at(offset, head, std::min<uint64_t>(there, sizeof head)) || !known_opcode(static_cast<uint8_t>(head[0]))) return false;
+  if (!source_.read_at(offset, head, std::min<uint64_t>(there, sizeof head)) ||
+      !known_opcode(static_cast<uint8_t>(head[0])))
+    return false;
   const uint64_t most = std::max(limits_.max_record_bytes, limits_.max_attachment_bytes);
   return there < sizeof head || (read_u64(head + 1) <= most && read_u64(head + 1) > there - sizeof head);
 }
@@ -167,10 +170,8 @@ McapScanner::Found McapScanner::load_attachment(ScannedRecord& out) {
     loss_.note(out.offset, broken("the attachment's fields do not fit into it"));
     return Found::kBroken;
   }
-  const size_t checked =
-      static_cast<size_t>(attachment.data.data() + attachment.data.size() - content_.data());
-  if (attachment.crc != 0 &&
-      mcap::crc32_of(std::string_view(content_).substr(0, checked)) != attachment.crc) {
+  const size_t checked = static_cast<size_t>(attachment.data.data() + attachment.data.size() - content_.data());
+  if (attachment.crc != 0 && mcap::crc32_of(std::string_view(content_).substr(0, checked)) != attachment.crc) {
     loss_.note(out.offset, broken("the attachment's CRC is wrong"));
     return Found::kBroken;
   }
@@ -184,8 +185,8 @@ void McapScanner::count_lost_messages(const ScannedRecord& index) {
   if (size >= kFieldBytes) loss_.messages += (size - kFieldBytes) / kEntryBytes;
 }
 
-// `from`: the beginning of a record that is not consistent. If its length is right, the next record begins behind it. Otherwise
-// the search continues up to the next chunk or attachment whose data is consistent.
+// `from`: the beginning of a record that is not consistent. If its length is right, the next record begins behind it.
+// Otherwise the search continues up to the next chunk or attachment whose data is consistent.
 void McapScanner::pass_damage(uint64_t from) {
   char head[mcap::kRecordHeadBytes];
   if (from > 0 && plausible_head(from) && source_.read_at(from, head, sizeof head)) {
@@ -238,16 +239,14 @@ bool McapScanner::sound_at(uint64_t offset, Opcode opcode, uint64_t content_leng
   }
   mcap::Attachment attachment;
   if (!mcap::decode(content_, attachment) || attachment.crc == 0) return false;
-  const size_t checked =
-      static_cast<size_t>(attachment.data.data() + attachment.data.size() - content_.data());
+  const size_t checked = static_cast<size_t>(attachment.data.data() + attachment.data.size() - content_.data());
   return mcap::crc32_of(std::string_view(content_).substr(0, checked)) == attachment.crc;
 }
 
 // Looks only at the head, so that chance hits cost nothing.
 bool McapScanner::chunk_head_fits(uint64_t offset, uint64_t content_length) const {
   char head[kChunkHeadBytes + 4 + 8];
-  if (content_length < kChunkHeadBytes + 8 ||
-      !source_.read_at(offset + mcap::kRecordHeadBytes, head, sizeof head))
+  if (content_length < kChunkHeadBytes + 8 || !source_.read_at(offset + mcap::kRecordHeadBytes, head, sizeof head))
     return false;
   const std::string_view name(head + 28, 8);
   const bool zstd = name == std::string_view("\4\0\0\0zstd", 8);

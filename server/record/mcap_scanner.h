@@ -1,5 +1,5 @@
-// Scans the data section of an MCAP file from front to back without its summary: for files that were not finished, or were
-// damaged. Damage is noted and skipped: the scanner looks for the next chunk or attachment whose CRC is right, and
+// Scans the data section of an MCAP file from front to back without its summary: for files that were not finished, or
+// were damaged. Damage is noted and skipped: the scanner looks for the next chunk or attachment whose CRC is right, and
 // continues there.
 //
 //   McapScanner scanner(source, {});

@@ -32,8 +32,7 @@ struct TopicWatch {
       const bool back = message.sequence < last_sequence || message.log_time_ns < last_time_ns;
       if (back) ++verdict.out_of_order;
       if (message.sequence > last_sequence) verdict.missing += message.sequence - last_sequence - 1;
-      verdict.longest_silence_ns =
-          std::max(verdict.longest_silence_ns, distance(message.log_time_ns, last_time_ns));
+      verdict.longest_silence_ns = std::max(verdict.longest_silence_ns, distance(message.log_time_ns, last_time_ns));
     }
     verdict.start_time_ns = std::min(verdict.start_time_ns, message.log_time_ns);
     verdict.end_time_ns = std::max(verdict.end_time_ns, message.log_time_ns);
@@ -54,7 +53,8 @@ using Places = std::vector<Place>;  // by offset
 
 class Verifier {
  public:
-  Verifier(const ByteSource& source, const McapReader& reader) : source_(source), stated_(reader.info()), summary_(reader.summary()) {
+  Verifier(const ByteSource& source, const McapReader& reader)
+      : source_(source), stated_(reader.info()), summary_(reader.summary()) {
     if (summary_)
       for (const mcap::ChunkIndex& index : summary_->chunks) stated_chunks_.emplace(index.chunk_start, &index);
   }
@@ -122,8 +122,7 @@ class Verifier {
       greatest_ns = std::max(greatest_ns, message.log_time_ns);
       ++messages;
     }
-    if (!rest.empty())
-      verdict_.disagreements.note(record.offset, differs("chunk.records", "end within a record"));
+    if (!rest.empty()) verdict_.disagreements.note(record.offset, differs("chunk.records", "end within a record"));
     if (least_ns != record.chunk.start_time_ns || greatest_ns != record.chunk.end_time_ns)
       verdict_.disagreements.note(record.offset, differs("chunk", "its times are not those of its messages"));
     compare_index(record, places);
@@ -164,7 +163,8 @@ class Verifier {
       const auto stated = index.message_index_offsets.find(messages.channel_id);
       right = stated != index.message_index_offsets.end() && stated->second == offset;
       for (const auto& [time_ns, place] : messages.records) {
-        const auto found = std::lower_bound(places.begin(), places.end(), place, [](const Place& a, uint64_t at) { return a.offset < at; });
+        const auto found = std::lower_bound(places.begin(), places.end(), place,
+                                            [](const Place& a, uint64_t at) { return a.offset < at; });
         right = right && found != places.end() && *found == Place{place, messages.channel_id, time_ns};
       }
       named += messages.records.size();
@@ -175,9 +175,9 @@ class Verifier {
 
   void compare_counts() {
     const mcap::Statistics& stated = summary_->statistics;
-    bool right =
-        !summary_->has_statistics || (stated.message_count == messages_ && stated.chunk_count == verdict_.chunks &&
-                                  stated.attachment_count == attachments_ && stated.metadata_count == metadata_);
+    bool right = !summary_->has_statistics ||
+                 (stated.message_count == messages_ && stated.chunk_count == verdict_.chunks &&
+                  stated.attachment_count == attachments_ && stated.metadata_count == metadata_);
     for (const auto& [id, count] : stated.channel_message_counts) {
       const auto watch = watches_.find(id);
       right = right && (watch == watches_.end() ? 0 : watch->second.verdict.messages) == count;
@@ -214,9 +214,9 @@ class Verifier {
 
   const ByteSource& source_;
   const McapInfo& stated_;
-  const McapInfo* summary_;  // as the file has it; null: none
+  const McapInfo* summary_;                                    // as the file has it; null: none
   std::map<uint64_t, const mcap::ChunkIndex*> stated_chunks_;  // by offset
-  std::map<uint16_t, TopicWatch> watches_;                   // by channel
+  std::map<uint16_t, TopicWatch> watches_;                     // by channel
   McapVerdict verdict_;
   uint64_t messages_ = 0;
   uint64_t attachments_ = 0;

@@ -14,8 +14,7 @@ namespace sightline {
 // The sequence numbers and the log times of one topic.
 struct TopicVerdict {
   uint64_t messages = 0;
-  uint64_t missing =
-      0;  // sequence numbers that are skipped; a publisher that does not count sends 0, which is no gap
+  uint64_t missing = 0;  // sequence numbers that are skipped; a publisher that does not count sends 0, which is no gap
   uint64_t out_of_order = 0;   // sequence or log time lower than in the message before
   uint64_t start_time_ns = 0;  // of the first and the last message, by log time
   uint64_t end_time_ns = 0;
@@ -23,10 +22,10 @@ struct TopicVerdict {
 };
 
 struct McapVerdict {
-  McapLoss loss;              // what cannot be read at all
-  McapLoss disagreements;     // readable, but the summary, an index or a CRC of the whole says otherwise
-  bool finished = false;      // the data have an end
-  bool summary_used = false;  // there is a summary, and it can be relied on
+  McapLoss loss;                    // what cannot be read at all
+  McapLoss disagreements;           // readable, but the summary, an index or a CRC of the whole says otherwise
+  bool finished = false;            // the data have an end
+  bool summary_used = false;        // there is a summary, and it can be relied on
   std::vector<std::string> absent;  // McapInfo::absent: left out, which is no loss
   uint64_t chunks = 0;
   uint64_t chunks_without_crc = 0;

@@ -84,8 +84,7 @@ Result<uint16_t> McapWriter::add_channel(std::string topic, uint16_t schema_id, 
   return id;
 }
 
-Status McapWriter::write(uint16_t channel_id, uint64_t log_time_ns, uint64_t publish_time_ns,
-                         std::string_view data) {
+Status McapWriter::write(uint16_t channel_id, uint64_t log_time_ns, uint64_t publish_time_ns, std::string_view data) {
   const ChannelState* state = find(channel_id);
   const uint32_t sequence = state == nullptr ? 0 : state->last_sequence + 1;
   return write({channel_id, sequence, log_time_ns, publish_time_ns, data});
@@ -97,8 +96,8 @@ Status McapWriter::write(const mcap::Message& message) {
   if (state == nullptr) return fail(ErrorCode::kNotFound, "channel_id", "no such channel was added");
   if (Status ok = check_size("message", message.data.size(), options_.max_message_bytes); !ok) return ok;
 
-  const uint64_t apart_ns =
-      std::max(message.log_time_ns, first_time_ns_) - std::min(message.log_time_ns, first_time_ns_);
+  const uint64_t apart_ns = std::max(message.log_time_ns, first_time_ns_) -
+                            std::min(message.log_time_ns, first_time_ns_);
   if (open_messages_ > 0 && apart_ns >= static_cast<uint64_t>(options_.chunk_time.count()))
     if (Status ok = end_chunk(); !ok) return ok;
   // A large message starts its own chunk, so that no chunk exceeds the limit of readers.
@@ -178,8 +177,7 @@ Status McapWriter::attach(mcap::Attachment attachment) {
   if (Status ok = end_chunk(); !ok) return ok;
   mcap::append_record(pending_, attachment);
   attachments_.push_back({position_, pending_.size(), attachment.log_time_ns, attachment.create_time_ns,
-                          attachment.data.size(), std::move(attachment.name),
-                          std::move(attachment.content_type)});
+                          attachment.data.size(), std::move(attachment.name), std::move(attachment.content_type)});
   const Status done = put_pending();
   pending_.shrink_to_fit();
   return done;
@@ -229,8 +227,7 @@ Status McapWriter::finish() {
   mcap::append_record(footer_bytes, footer);
   footer.summary_crc = mcap::crc32_of(tail);
   footer.summary_crc = mcap::crc32_of(
-      std::string_view(footer_bytes).substr(0, footer_bytes.size() - sizeof footer.summary_crc),
-      footer.summary_crc);
+      std::string_view(footer_bytes).substr(0, footer_bytes.size() - sizeof footer.summary_crc), footer.summary_crc);
   mcap::append_record(tail, footer);
   tail.append(mcap::kMagic);
   return put(tail);

@@ -6,10 +6,10 @@
 //   writer.write(channel, now_ns, now_ns, bytes);  ...
 //   writer.finish();
 //
-// Messages are gathered into chunks (zstd, CRC), each followed by an index of its messages. The file ends with a summary:
-// schemas, channels, statistics, and the indexes of chunks, attachments and metadata. A file that is cut off before
-// finish() lacks only the summary and the open chunk. A schema or channel stands once in the data, in the chunk that first uses it,
-// where a CRC covers it; the summary repeats it. One that no message uses is not in the file.
+// Messages are gathered into chunks (zstd, CRC), each followed by an index of its messages. The file ends with a
+// summary: schemas, channels, statistics, and the indexes of chunks, attachments and metadata. A file that is cut off
+// before finish() lacks only the summary and the open chunk. A schema or channel stands once in the data, in the chunk
+// that first uses it, where a CRC covers it; the summary repeats it. One that no message uses is not in the file.
 #pragma once
 
 #include <chrono>
@@ -33,11 +33,11 @@ inline constexpr uint64_t kMaxAttachmentBytes = uint64_t{1} << 30;
 struct McapWriterOptions {
   std::string profile = {};
   std::string library = "sightline";
-  // A message closes the chunk when the chunk reaches this size (unpacked), or this age by log time. Smaller chunks lose
-  // less when the process is killed; larger ones take fewer bytes on the disk.
+  // A message closes the chunk when the chunk reaches this size (unpacked), or this age by log time. Smaller chunks
+  // lose less when the process is killed; larger ones take fewer bytes on the disk.
   uint64_t chunk_bytes = uint64_t{1} << 20;  // [1, 32 MiB]
   std::chrono::nanoseconds chunk_time{500'000'000};
-  int zstd_level = 1;  // [1, 19]; 0: not packed
+  int zstd_level = 1;                             // [1, 19]; 0: not packed
   uint64_t max_message_bytes = kMaxMessageBytes;  // no more than that; tests have less
 };
 

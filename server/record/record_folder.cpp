@@ -23,8 +23,7 @@ Error unavailable(const std::string& folder, const std::error_code& code) {
 
 uint64_t modified_ns(const fs::directory_entry& entry, std::error_code& code) {
   const auto time = std::chrono::file_clock::to_sys(entry.last_write_time(code));
-  return static_cast<uint64_t>(
-      std::chrono::duration_cast<std::chrono::nanoseconds>(time.time_since_epoch()).count());
+  return static_cast<uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(time.time_since_epoch()).count());
 }
 
 class SystemFiles final : public RecordFileSystem {
@@ -101,8 +100,7 @@ Status RecordFolder::make_room(uint64_t now_ns, const std::set<std::string>& bei
   Result<uint64_t> free = files_.free_bytes(folder_);
   if (!free) return tl::unexpected(free.error());
   for (const RecordFile& file : *found) {
-    const bool old =
-        limits_.max_age_s > 0 && now_ns / kSecondNs > file.modified_ns / kSecondNs + limits_.max_age_s;
+    const bool old = limits_.max_age_s > 0 && now_ns / kSecondNs > file.modified_ns / kSecondNs + limits_.max_age_s;
     if (!old && total <= limits_.max_total_bytes && *free >= limits_.free_reserve_bytes) break;
     total -= file.bytes;
     if (Status ok = files_.remove(folder_, file.name); !ok) {
@@ -114,8 +112,8 @@ Status RecordFolder::make_room(uint64_t now_ns, const std::set<std::string>& bei
   }
   if (*free < limits_.free_reserve_bytes)
     return fail(ErrorCode::kResourceExhausted, folder_,
-                "the disk has " + std::to_string(*free) + " bytes left, " +
-                    std::to_string(limits_.free_reserve_bytes) + " are kept for others");
+                "the disk has " + std::to_string(*free) + " bytes left, " + std::to_string(limits_.free_reserve_bytes) +
+                    " are kept for others");
   if (total > limits_.max_total_bytes)
     return fail(ErrorCode::kResourceExhausted, folder_,
                 "recordings being written take " + std::to_string(total) + " bytes, at most " +
@@ -141,8 +139,8 @@ std::string recording_name(uint64_t start_time_ns, const std::string& session_id
   std::string name(kPrefix);
   name.append(time).append(rest);
   for (const char c : session_id.substr(0, 64)) {
-    const bool plain =
-        (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '-' || c == '_';
+    const bool plain = (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '-' ||
+                       c == '_';
     name.push_back(plain ? c : '_');
   }
   std::snprintf(rest, sizeof rest, "-p%03u", part);
@@ -150,8 +148,8 @@ std::string recording_name(uint64_t start_time_ns, const std::string& session_id
 }
 
 bool is_recording_name(const std::string& name) {
-  return name.size() > kPrefix.size() + kSuffix.size() && name.starts_with(kPrefix) &&
-         name.ends_with(kSuffix) && name.find('/') == std::string::npos;
+  return name.size() > kPrefix.size() + kSuffix.size() && name.starts_with(kPrefix) && name.ends_with(kSuffix) &&
+         name.find('/') == std::string::npos;
 }
 
 }  // namespace sightline

@@ -1,6 +1,6 @@
-// A bounded ring of recordings in one folder. The oldest files are removed when all of them take too many bytes, when they
-// are too old, or when the disk has too little space left. Only files with our name pattern are counted and removed, and
-// never one that is being written.
+// A bounded ring of recordings in one folder. The oldest files are removed when all of them take too many bytes, when
+// they are too old, or when the disk has too little space left. Only files with our name pattern are counted and
+// removed, and never one that is being written.
 #pragma once
 
 #include <cstdint>
@@ -56,9 +56,9 @@ class RecordFolder {
   // Removes a file that holds nothing.
   Status remove(const std::string& name) { return files_.remove(folder_, name); }
 
-  // Removes the oldest files until the rest is within the limits. A file that cannot be removed is left alone and does not count
-  // any more: it must not stop the recording. Fails with kResourceExhausted when only files that are
-  // being written are left and the disk's reserve or the total is still exceeded. Fails as the file system fails.
+  // Removes the oldest files until the rest is within the limits. A file that cannot be removed is left alone and does
+  // not count any more: it must not stop the recording. Fails with kResourceExhausted when only files that are being
+  // written are left and the disk's reserve or the total is still exceeded. Fails as the file system fails.
   Status make_room(uint64_t now_ns, const std::set<std::string>& being_written);
 
   uint64_t removed_files() const { return removed_; }

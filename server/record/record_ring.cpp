@@ -59,8 +59,8 @@ void RecordRing::pop() {
 }
 
 bool RecordRing::half_full() {
-  // The consumer's cache line is read only when the last known value does not already prove that the ring is less than half
-  // full.
+  // The consumer's cache line is read only when the last known value does not already prove that the ring is less than
+  // half full.
   const uint64_t written = written_.load(std::memory_order_relaxed);
   if (written - known_read_ > capacity_ / 2) known_read_ = read_.load(std::memory_order_acquire);
   return written - known_read_ > capacity_ / 2;

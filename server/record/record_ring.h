@@ -34,7 +34,8 @@ class RecordRing {
   // Rounded up to a power of two, at least 4096. Pages are touched only as they are first used.
   explicit RecordRing(size_t capacity_bytes);
 
-  // Room for a message of `size` bytes, in one piece; null when there is none now. A message over max_message() never fits.
+  // Room for a message of `size` bytes, in one piece; null when there is none now. A message over max_message() never
+  // fits.
   char* reserve(size_t size);
   // Hands over what was reserved last; `head.size` may be less than was reserved.
   void commit(const RecordHead& head);

@@ -113,8 +113,8 @@ struct Session {
   std::shared_ptr<const LevelView> level;
 
   RecordRing ring;
-  std::atomic<bool> closed{false};   // set by the recorder: nothing more comes
-  std::atomic<bool> failing{false};  // set by the writer: there is no file
+  std::atomic<bool> closed{false};        // set by the recorder: nothing more comes
+  std::atomic<bool> failing{false};       // set by the writer: there is no file
   std::atomic<bool> wants_memory{false};  // set by the writer: the file is nearly full, or began without a memory
   // Counted by the recorder: the queue was full, or the message too large.
   std::atomic<uint64_t> dropped_queue_full{0};
@@ -130,8 +130,7 @@ struct Session {
 };
 
 // Adds lost messages to a gap. The first ones added give the gap its reason and its beginning.
-inline void add_to_gap(v1::Gap& gap, v1::Gap::Reason reason, uint64_t messages, uint64_t first_ns,
-                       uint64_t last_ns) {
+inline void add_to_gap(v1::Gap& gap, v1::Gap::Reason reason, uint64_t messages, uint64_t first_ns, uint64_t last_ns) {
   if (gap.messages() == 0) {
     gap.set_first_time_ns(first_ns);
     gap.set_reason(reason);

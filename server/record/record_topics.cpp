@@ -19,8 +19,8 @@ namespace {
 using google::protobuf::DescriptorProto;
 using google::protobuf::FileDescriptor;
 
-// Settings are annotated in their .proto files (unit, range, default). Readers of a recording need none of it, and it would
-// stand in every file of a session several times.
+// Settings are annotated in their .proto files (unit, range, default). Readers of a recording need none of it, and it
+// would stand in every file of a session several times.
 const FileDescriptor& annotations() {
   return *options::v1::Setting::descriptor()->file();
 }

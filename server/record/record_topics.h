@@ -47,8 +47,8 @@ const std::array<RecordTopicInfo, kRecordTopics>& all_record_topics();
 // Empty for the name of another topic.
 std::optional<RecordTopic> record_topic_of(std::string_view name);
 
-// A serialised google.protobuf.FileDescriptorSet of the message's file and all its imports, imports first, as MCAP asks of
-// a schema with the encoding "protobuf". The annotations of settings are left out.
+// A serialised google.protobuf.FileDescriptorSet of the message's file and all its imports, imports first, as MCAP asks
+// of a schema with the encoding "protobuf". The annotations of settings are left out.
 std::string descriptor_set_of(const google::protobuf::Descriptor& message);
 
 }  // namespace sightline

@@ -57,9 +57,9 @@ struct RecordWriter::ActiveSession {
   std::string file_name;
   uint64_t counted_bytes = 0;  // bytes of the file that are in the counts
   uint32_t part = 0;
-  uint64_t retry_ns = 0;                    // no new file before this time
-  v1::Gap gap;                              // messages lost without a file
-  bool warned = false;                      // of the present trouble
+  uint64_t retry_ns = 0;  // no new file before this time
+  v1::Gap gap;            // messages lost without a file
+  bool warned = false;    // of the present trouble
   Drops queue_full, too_large;
   uint64_t viewers_too_large = 0;           // dropped here
   std::optional<std::string> open, opened;  // for the head of the next part
@@ -67,7 +67,8 @@ struct RecordWriter::ActiveSession {
   uint64_t head_bytes = 0;                  // size of the file with only its head
   uint64_t head_size = 0;                   // of the messages at its head, unpacked
   uint64_t head_chunks = 0;                 // chunks of the file with only its head
-  std::optional<std::string> memory;        // the newest message of the session, when it was a memory: for the next head
+  // the newest message of the session, when it was a memory: for the next head
+  std::optional<std::string> memory;
   TickStamp memory_stamp;
   ViewerChannels viewers{snapshot};
   std::array<uint32_t, kRecordTopics> sequences{};  // of messages made here
@@ -133,7 +134,8 @@ void RecordWriter::run_once() {
     }
   }
   uint64_t failing = 0;
-  for (const ActiveSession& active : active_) failing += active.session->failing.load(std::memory_order_relaxed) ? 1 : 0;
+  for (const ActiveSession& active : active_)
+    failing += active.session->failing.load(std::memory_order_relaxed) ? 1 : 0;
   const std::lock_guard lock(mutex_);
   counts_.failing_sessions = failing;
   counts_.open_sessions = active_.size() + new_sessions_.size();
@@ -158,8 +160,7 @@ void RecordWriter::serve(ActiveSession& active) {
   report_drops(active, v1::Gap::REASON_QUEUE_FULL, session.dropped_queue_full.load(std::memory_order_relaxed),
                active.queue_full);
   report_drops(active, v1::Gap::REASON_TOO_LARGE,
-               session.dropped_too_large.load(std::memory_order_relaxed) + active.viewers_too_large,
-               active.too_large);
+               session.dropped_too_large.load(std::memory_order_relaxed) + active.viewers_too_large, active.too_large);
 }
 
 void RecordWriter::report_drops(const ActiveSession& active, v1::Gap::Reason reason, uint64_t dropped, Drops& known) {
@@ -203,7 +204,8 @@ void RecordWriter::write_entry(ActiveSession& active, const RecordEntry& entry) 
   close_file(active);
 }
 
-// The opening goes to the disk at once, so that even a very short session leaves a recording when the process is killed.
+// The opening goes to the disk at once, so that even a very short session leaves a recording when the process is
+// killed.
 Status RecordWriter::write_through(ActiveSession& active, const RecordMessage& message) {
   const Status written = active.file->write(message, now_ns_());
   return written && message.topic == RecordTopic::kOpened ? active.file->end_chunk() : written;
@@ -277,7 +279,8 @@ size_t RecordWriter::write_for_viewers(ActiveSession& active, RecordTopic topic,
 void RecordWriter::write_attachments(ActiveSession& active) {
   Session& session = *active.session;
   // Attachments wait for a file instead of being lost.
-  while (session.attachments_done < session.attached.count() && ensure_file(active, session.attached.at(session.attachments_done)->head.log_time_ns)) {
+  while (session.attachments_done < session.attached.count() &&
+         ensure_file(active, session.attached.at(session.attachments_done)->head.log_time_ns)) {
     const auto attached = session.attached.at(session.attachments_done);
     const Status done = active.file->attach(attached->head);
     if (done) ++session.attachments_done, session.attachment_bytes += attached->data->size();
@@ -286,8 +289,8 @@ void RecordWriter::write_attachments(ActiveSession& active) {
   }
 }
 
-// Decides which attachments a new file gets. Large ones are only in the first part, since the ring of files is meant for
-// messages.
+// Decides which attachments a new file gets. Large ones are only in the first part, since the ring of files is meant
+// for messages.
 void RecordWriter::begin_attachments(ActiveSession& active) {
   Session& session = *active.session;
   session.attachment_bytes = 0;
@@ -307,8 +310,7 @@ bool RecordWriter::ensure_file(ActiveSession& active, uint64_t time_ns) {
   v1::RecordingInfo info = active.session->info;
   Result<std::unique_ptr<ByteSink>> sink = fail(ErrorCode::kAlreadyExists, "", "");
   // A name may be taken by a session with the same id in the same millisecond; then the next part number is tried.
-  for (int tries = 0; !sink && sink.error().code == ErrorCode::kAlreadyExists && tries < kNameTries;
-       ++tries) {
+  for (int tries = 0; !sink && sink.error().code == ErrorCode::kAlreadyExists && tries < kNameTries; ++tries) {
     info.set_part(++active.part);
     active.file_name = recording_name(info.start_time_ns(), info.session_id(), info.part());
     sink = folder_.create(active.file_name);
@@ -351,14 +353,14 @@ std::string RecordWriter::snapshot_tick(const ActiveSession& active) const {
   return bytes.size() <= settings_.max_message_bytes ? std::move(bytes) : std::string();
 }
 
-// Writes the head of a later part, which makes it readable by itself. The head has the opening, a snapshot of the answered
-// ticks, the unanswered ticks, and a Gap for earlier losses. The log times never go back.
+// Writes the head of a later part, which makes it readable by itself. The head has the opening, a snapshot of the
+// answered ticks, the unanswered ticks, and a Gap for earlier losses. The log times never go back.
 void RecordWriter::write_head(ActiveSession& active, const std::string& snapshot, uint64_t time_ns, uint64_t now_ns) {
   active.head_size = 0;
   const auto& waits = active.snapshot.waiting();
   const uint64_t first_ns = active.snapshot.ticks() > 0 ? active.snapshot.stamp().log_ns
-                            : waits.empty()            ? time_ns
-                                                       : waits.front().stamp.log_ns;
+                            : waits.empty()             ? time_ns
+                                                        : waits.front().stamp.log_ns;
   const uint64_t last_ns = waits.empty() ? first_ns : waits.back().stamp.log_ns;
   const auto write = [&](RecordTopic topic, const TickStamp& stamp, const std::string& bytes) {
     active.head_size += bytes.size();
@@ -370,7 +372,8 @@ void RecordWriter::write_head(ActiveSession& active, const std::string& snapshot
   const auto emit = [&](RecordTopic topic, const google::protobuf::MessageLite& made) {
     active.head_size += write_for_viewers(active, topic, first_ns, made);
   };
-  if (active.open && settings_.for_viewers) active.viewers.emit_still(first_ns, emit), active.viewers.emit_level(first_ns, emit);
+  if (active.open && settings_.for_viewers)
+    active.viewers.emit_still(first_ns, emit), active.viewers.emit_level(first_ns, emit);
   if (!snapshot.empty())
     (void)write(RecordTopic::kTick, active.snapshot.stamp(), snapshot);
   else if (active.snapshot.ticks() > 0)
@@ -473,7 +476,8 @@ void RecordWriter::housekeep() {
 void RecordWriter::warn_of_stuck_files() {
   const std::vector<Error>& stuck = folder_.stuck_files();
   if (stuck.size() > stuck_files_)
-    warn_({v1::Gap::REASON_UNSPECIFIED, "", "an old recording cannot be deleted, and no longer counts: " + to_string(stuck.back())});
+    warn_({v1::Gap::REASON_UNSPECIFIED, "",
+           "an old recording cannot be deleted, and no longer counts: " + to_string(stuck.back())});
   stuck_files_ = stuck.size();
 }
 

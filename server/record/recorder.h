@@ -1,15 +1,15 @@
-// Records sessions without ever making one wait. Every session serialises its messages into a bounded queue of its own. One
-// thread empties all queues. It writes one MCAP file for each session, in parts, into a bounded ring of files.
+// Records sessions without ever making one wait. Every session serialises its messages into a bounded queue of its own.
+// One thread empties all queues. It writes one MCAP file for each session, in parts, into a bounded ring of files.
 //
 //   RecordWriter writer(settings, *system_files(), wall_clock_ns, warn);
 //   RecordThread thread(writer, std::chrono::milliseconds(50));
 //   std::unique_ptr<SessionRecorder> recorder = writer.open_session(info);
 //   recorder->record(RecordTopic::kTick, {arrived_ns, arrived_ns}, tick);
 //
-// Messages that cannot be written are dropped and counted. That happens when a queue is full (a slow disk) or there is no file
-// (a full disk, a removed folder). The first drop causes one warning, and `degraded()` is true. Once writing works again, the
-// file holds a Gap that counts the missing messages; their sequence numbers are missing too. A full disk and a removed folder
-// are tried again every second.
+// Messages that cannot be written are dropped and counted. That happens when a queue is full (a slow disk) or there is
+// no file (a full disk, a removed folder). The first drop causes one warning, and `degraded()` is true. Once writing
+// works again, the file holds a Gap that counts the missing messages; their sequence numbers are missing too. A full
+// disk and a removed folder are tried again every second.
 #pragma once
 
 #include <array>
@@ -41,18 +41,18 @@ struct RecordSettings {
   std::string folder = {};
   RecordLimits limits = {};
   size_t queue_bytes = size_t{1} << 20;  // a session; rounded up to a power of two
-  // A kill of the process loses at most this much time and the messages in the queue. Keep both together under a second. The opening is written at
-  // once.
+  // A kill of the process loses at most this much time and the messages in the queue. Keep both together under a
+  // second. The opening is written at once.
   std::chrono::nanoseconds chunk_time{500'000'000};
   uint64_t chunk_bytes = uint64_t{1} << 20;
   int zstd_level = 1;
   uint64_t max_message_bytes = kMaxMessageBytes;  // larger ones are dropped; tests set less
-  bool for_viewers = true;  // adds topics for ordinary viewers, made on the writing thread
+  bool for_viewers = true;                        // adds topics for ordinary viewers, made on the writing thread
 };
 
-// Nanoseconds since 1970 (UTC). Log time: when the message takes effect in the session; a message that is not later than the one before
-// gets the next nanosecond, so that a file sorted by log time is in the order of recording. Publish time: when the server received
-// or sent it.
+// Nanoseconds since 1970 (UTC). Log time: when the message takes effect in the session; a message that is not later
+// than the one before gets the next nanosecond, so that a file sorted by log time is in the order of recording. Publish
+// time: when the server received or sent it.
 struct RecordTimes {
   uint64_t log_ns = 0;
   uint64_t publish_ns = 0;
@@ -67,8 +67,8 @@ struct RecordWarning {
 
 // Since the start, of all sessions; for metrics.
 struct RecordCounts {
-  uint64_t messages = 0;  // written
-  uint64_t bytes = 0;     // of files
+  uint64_t messages = 0;          // written
+  uint64_t bytes = 0;             // of files
   uint64_t dropped_messages = 0;  // includes messages for viewers over `max_message_bytes`
   uint64_t write_failures = 0;
   uint64_t files = 0;          // begun
@@ -80,11 +80,11 @@ struct RecordCounts {
 namespace record_internal {
 struct Waker;
 struct Session;
-}
+}  // namespace record_internal
 
 // The session's end of the queue. Its calls must not overlap. None of them waits, or takes a lock that the writer holds
-// while it works. A message larger than half of the queue (an opening with thousands of instances) goes into memory of its
-// own. Nothing else allocates, except attach().
+// while it works. A message larger than half of the queue (an opening with thousands of instances) goes into memory of
+// its own. Nothing else allocates, except attach().
 class SessionRecorder {
  public:
   explicit SessionRecorder(std::shared_ptr<record_internal::Session> session);
@@ -93,20 +93,21 @@ class SessionRecorder {
   SessionRecorder(const SessionRecorder&) = delete;
   SessionRecorder& operator=(const SessionRecorder&) = delete;
 
-  // Takes topics up to kFault, and kMemory. Returns false when the message was dropped and counted: the queue is full, or the message is
-  // over `max_message_bytes`. The message is serialised during the call.
+  // Takes topics up to kFault, and kMemory. Returns false when the message was dropped and counted: the queue is full,
+  // or the message is over `max_message_bytes`. The message is serialised during the call.
   bool record(RecordTopic topic, RecordTimes times, const google::protobuf::MessageLite& message);
   // The same for a message that is serialised already.
   bool record(RecordTopic topic, RecordTimes times, std::string_view serialised);
 
-  // Puts `data`, e.g. the scene, into the file and into every later part, as long as all attachments together take at most
-  // half of a part. `data` is held as long as the session lives. Returns false, and takes nothing, when the attachments of
-  // the session would be more than kMaxAttachments or over kMaxAttachmentBytes.
+  // Puts `data`, e.g. the scene, into the file and into every later part, as long as all attachments together take at
+  // most half of a part. `data` is held as long as the session lives. Returns false, and takes nothing, when the
+  // attachments of the session would be more than kMaxAttachments or over kMaxAttachmentBytes.
   bool attach(std::string name, std::string content_type, uint64_t log_time_ns,
               std::shared_ptr<const std::string> data);
   static constexpr size_t kMaxAttachments = 4096;
 
-  // True when the file would soon end: a kMemory message that comes now ends it, and the next part begins with that memory.
+  // True when the file would soon end: a kMemory message that comes now ends it, and the next part begins with that
+  // memory.
   bool wants_memory() const;
 
   // What viewers see of the scene file. Call it before the first record().
@@ -130,10 +131,11 @@ class SessionRecorder {
   const std::shared_ptr<record_internal::Session> session_;
   std::array<uint32_t, kRecordTopics> sequences_{};
   uint64_t newest_ns_ = 0;  // log time of the last message
-  v1::Gap gap_;  // messages dropped since the last one that was recorded
+  v1::Gap gap_;             // messages dropped since the last one that was recorded
 };
 
-// The writer's end. Only open_session(), counts(), folder_trouble() and wake() may be called while another thread is in run_once() or finish().
+// The writer's end. Only open_session(), counts(), folder_trouble() and wake() may be called while another thread is in
+// run_once() or finish().
 class RecordWriter {
  public:
   using Clock = std::function<uint64_t()>;  // ns since 1970 (UTC)
@@ -148,11 +150,12 @@ class RecordWriter {
   // The info's `version`, `part`, `start_time_ns` and `snapshot_ticks` are filled here. May be called from any thread.
   std::unique_ptr<SessionRecorder> open_session(v1::RecordingInfo info);
 
-  // Writes the queued messages and finishes every file, as at the end of its life. Nothing but the destructor may follow on this thread.
+  // Writes the queued messages and finishes every file, as at the end of its life. Nothing but the destructor may
+  // follow on this thread.
   void finish();
 
-  // Empties the queues into the files, closes chunks whose time has come, finishes the files of ended sessions and keeps
-  // the folder within its limits. Never fails: failures are counted and warned of.
+  // Empties the queues into the files, closes chunks whose time has come, finishes the files of ended sessions and
+  // keeps the folder within its limits. Never fails: failures are counted and warned of.
   void run_once();
 
   // Returns when a queue is half full, when woken, or after `timeout`.

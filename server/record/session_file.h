@@ -38,8 +38,8 @@ LostMessages lost_with(const RecordMessage& message);
 // Not thread-safe.
 class SessionFile {
  public:
-  // Owns the sink. Writes the metadata "sightline", for tools without protobuf. The info, as a message, is written with the first
-  // message and has the time of that message, so that a tool that sorts by time leaves it in front.
+  // Owns the sink. Writes the metadata "sightline", for tools without protobuf. The info, as a message, is written with
+  // the first message and has the time of that message, so that a tool that sorts by time leaves it in front.
   SessionFile(std::unique_ptr<ByteSink> sink, const v1::RecordingInfo& info, McapWriterOptions options);
 
   Status write(const RecordMessage& message, uint64_t now_ns);
@@ -68,7 +68,7 @@ class SessionFile {
   McapWriter writer_;
   std::array<uint16_t, kRecordTopics> channels_{};  // by topic; 0: not added yet
   std::map<std::string, uint16_t> schemas_;         // by the message's name
-  std::string info_;  // until it is written
+  std::string info_;                                // until it is written
   uint64_t start_ns_;
   LostMessages waiting_;
   uint64_t chunks_ = 0;

@@ -18,8 +18,7 @@ SessionRecorder::~SessionRecorder() {
   session_->closed.store(true, std::memory_order_release);
 }
 
-bool SessionRecorder::record(RecordTopic topic, RecordTimes times,
-                             const google::protobuf::MessageLite& message) {
+bool SessionRecorder::record(RecordTopic topic, RecordTimes times, const google::protobuf::MessageLite& message) {
   const size_t size = message.ByteSizeLong();
   if (size > session_->max_in_ring()) return record_beside(topic, times, message.SerializeAsString());
   char* at = reserve(topic, times, size);
@@ -30,8 +29,7 @@ bool SessionRecorder::record(RecordTopic topic, RecordTimes times,
 }
 
 bool SessionRecorder::record(RecordTopic topic, RecordTimes times, std::string_view serialised) {
-  if (serialised.size() > session_->max_in_ring())
-    return record_beside(topic, times, std::string(serialised));
+  if (serialised.size() > session_->max_in_ring()) return record_beside(topic, times, std::string(serialised));
   char* at = reserve(topic, times, serialised.size());
   if (at == nullptr) return false;
   std::copy(serialised.begin(), serialised.end(), at);

@@ -12,8 +12,7 @@ namespace {
 std::array<float, 4> rotation_of(const v1::Pose3& pose) {
   if (!pose.has_rotation()) return {0, 0, 0, 1};
   const v1::Quat& q = pose.rotation();
-  return {static_cast<float>(q.x()), static_cast<float>(q.y()), static_cast<float>(q.z()),
-          static_cast<float>(q.w())};
+  return {static_cast<float>(q.x()), static_cast<float>(q.y()), static_cast<float>(q.z()), static_cast<float>(q.w())};
 }
 
 void set_rotation(v1::Pose3& pose, const std::array<float, 4>& r) {
@@ -65,8 +64,7 @@ void SessionSnapshot::take_tick(v1::Tick tick, const TickStamp& stamp) {
   const size_t bytes = tick.ByteSizeLong();
   waiting_.push_back({std::move(tick), stamp, bytes});
   waiting_bytes_ += bytes;
-  while (waiting_.size() > kMaxWaiting || (waiting_bytes_ > kMaxWaitingBytes && waiting_.size() > 1))
-    apply_oldest();
+  while (waiting_.size() > kMaxWaiting || (waiting_bytes_ > kMaxWaitingBytes && waiting_.size() > 1)) apply_oldest();
 }
 
 void SessionSnapshot::take_snapshot_tick(const v1::Tick& tick, uint64_t ticks, const TickStamp& stamp) {
@@ -86,8 +84,8 @@ void SessionSnapshot::take_reply(const v1::CameraReply& reply) {
 }
 
 void SessionSnapshot::take_rejection(const v1::TickError& rejection) {
-  const auto found =
-      find_refused(waiting_, rejection, [](const WaitingTick& waiting) { return waiting.tick.sequence(); });
+  const auto found = find_refused(waiting_, rejection,
+                                  [](const WaitingTick& waiting) { return waiting.tick.sequence(); });
   if (found == waiting_.end()) return;
   waiting_bytes_ -= found->bytes;
   waiting_.erase(found);
@@ -213,7 +211,8 @@ v1::Tick SessionSnapshot::tick() const {
     v1::Vec3& shift = *out.mutable_world_shift();
     shift.set_x(shift_[0]), shift.set_y(shift_[1]), shift.set_z(shift_[2]);
   }
-  // Rotations and velocities are sent for all moved instances or for none. The rotation of an added instance is in its pose.
+  // Rotations and velocities are sent for all moved instances or for none. The rotation of an added instance is in its
+  // pose.
   bool any_rotation = false, any_velocity = false, any_turn = false;
   for (const auto& [id, instance] : instances_) {
     any_rotation |= instance.turned && !instance.added;
@@ -256,7 +255,8 @@ v1::Tick SessionSnapshot::tick() const {
   return out;
 }
 
-// A list of targets may only name existing instances, but its parts, and instances that it attaches or ignores, may have been removed since.
+// A list of targets may only name existing instances, but its parts, and instances that it attaches or ignores, may
+// have been removed since.
 void SessionSnapshot::add_targets(v1::Tick& out) const {
   if (!targets_) return;
   v1::TargetList& list = *out.mutable_targets();

@@ -1,6 +1,7 @@
-// Follows the state of a recorded session by its messages, and sums the state up in one tick. A later part of a recording,
-// or a cut, begins with that tick and can be read alone. A session that is opened and receives it has the same scene,
-// targets, settings, limits, lens and clock as one that received every tick. Its camera is where the newest reply had it.
+// Follows the state of a recorded session by its messages, and sums the state up in one tick. A later part of a
+// recording, or a cut, begins with that tick and can be read alone. A session that is opened and receives it has the
+// same scene, targets, settings, limits, lens and clock as one that received every tick. Its camera is where the newest
+// reply had it.
 //
 //   SessionSnapshot snapshot;
 //   snapshot.take_open(open);                      then, in the order of the recording:
@@ -10,15 +11,17 @@
 // A tick counts once a later message shows that it was applied. Until then it waits. Refused ticks never count.
 //
 // A tick cannot say everything. These differ:
-//   - What the camera remembers: what it had seen, and where targets went. Replies go on alike, not equal, unless the recording has a
+//   - What the camera remembers: what it had seen, and where targets went. Replies go on alike, not equal, unless the
+//   recording has a
 //     StepMemory beside the tick. It also holds the velocities, revision and rotations below to the bit.
 //   - Velocities that a session derives from successive positions are 0 until the next tick. Velocities that the client
 //     sent are kept. Held and noisy positions are found out again.
 //   - The scene revision counts deltas, and there is only one. Rotations that were kept from move to move may differ in
 //     their last bits, and the mirror's hash with them; otherwise the hash is the same.
-//   - When anything of the opening was turned, the rotation of everything else that moved is sent as floats. A node of the
-//     scene file that moved but was never turned then has no rotation in the client's frame, since the snapshot does not
-//     read the file.
+//   - When anything of the opening was turned, the rotation of everything else that moved is sent as floats. A node of
+//   the
+//     scene file that moved but was never turned then has no rotation in the client's frame, since the snapshot does
+//     not read the file.
 // After lost ticks, instances that the snapshot does not know are left out.
 #pragma once
 
@@ -62,8 +65,8 @@ auto find_refused(Ticks& waiting, const v1::TickError& rejection, const Number& 
 }
 
 // Not thread-safe. Holds one entry for each instance of the opening or of a tick, at most kMaxInstances
-// (server/scene/mirror.h), and the waiting ticks: at most kMaxWaiting of them and kMaxWaitingBytes, twice what a daemon lets
-// wait. Beyond that the oldest count as applied.
+// (server/scene/mirror.h), and the waiting ticks: at most kMaxWaiting of them and kMaxWaitingBytes, twice what a daemon
+// lets wait. Beyond that the oldest count as applied.
 class SessionSnapshot {
  public:
   static constexpr size_t kMaxWaiting = 512;
@@ -78,7 +81,8 @@ class SessionSnapshot {
     bool has_velocity = false;                  // sent with the newest tick that moved it
     std::array<double, 3> position{};           // valid when `moved`
     std::array<float, 4> rotation{0, 0, 0, 1};  // x y z w; until `turned` as in `given`
-    std::array<float, 3> velocity{}, angular_velocity{};  // angular: zero unless it was sent with the newest tick that moved it
+    // angular: zero unless it was sent with the newest tick that moved it
+    std::array<float, 3> velocity{}, angular_velocity{};
     std::unique_ptr<v1::NewInstance> given;      // as it was opened or added; null: a node of the scene file
     std::unique_ptr<v1::Attributes> attributes;  // the newest change
 
@@ -95,16 +99,19 @@ class SessionSnapshot {
 
   // How many ticks count; 0: none, and tick() is empty.
   uint64_t ticks() const { return ticks_; }
-  // One tick for all of them. It asks for no step of its own (StepControl.merge_into_next), since its ticks were answered.
+  // One tick for all of them. It asks for no step of its own (StepControl.merge_into_next), since its ticks were
+  // answered.
   v1::Tick tick() const;
   // How the newest tick that counts was recorded.
   const TickStamp& stamp() const { return stamp_; }
   // The ticks after them, which are not answered yet, oldest first.
   const std::deque<WaitingTick>& waiting() const { return waiting_; }
 
-  // By the client's id. Includes instances that are not there any more, and of the scene file's nodes those that were named.
+  // By the client's id. Includes instances that are not there any more, and of the scene file's nodes those that were
+  // named.
   const std::map<uint64_t, Instance>& instances() const { return instances_; }
-  const std::array<double, 3>& shift() const { return shift_; }  // of the client's world since the opening, client units
+  // of the client's world since the opening, client units
+  const std::array<double, 3>& shift() const { return shift_; }
   uint64_t deltas() const { return deltas_; }  // ticks with a scene delta that count
   const std::optional<v1::Lens>& lens() const { return lens_; }
   // As the newest tick that had a list; empty: as the opening says.

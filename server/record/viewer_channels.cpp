@@ -21,7 +21,8 @@ constexpr double kFrustumDepthM = 1.0;
 struct Colour {
   double r, g, b, a;
 };
-constexpr Colour kShapeColour{0.62, 0.66, 0.72, 0.55}, kTargetColour{0.98, 0.78, 0.20, 0.9}, kCameraColour{0.15, 0.45, 0.95, 1.0};
+constexpr Colour kShapeColour{0.62, 0.66, 0.72, 0.55}, kTargetColour{0.98, 0.78, 0.20, 0.9},
+    kCameraColour{0.15, 0.45, 0.95, 1.0};
 
 Colour colour_of(v1::TargetState state) {
   switch (state) {
@@ -100,7 +101,8 @@ void add_frame(foxglove::FrameTransforms& out, uint64_t time_ns, const char* par
 }
 
 // `place`: of the shape's centre in the entity; `up_m`: how far above it, along the shape's own axis, the sphere is.
-void add_sphere(foxglove::SceneEntity& entity, const Colour& colour, const Pose& place, double up_m, const glm::dvec3& size_m) {
+void add_sphere(foxglove::SceneEntity& entity, const Colour& colour, const Pose& place, double up_m,
+                const glm::dvec3& size_m) {
   foxglove::SpherePrimitive& sphere = *entity.add_spheres();
   set(*sphere.mutable_pose(), Pose{place.position_m + place.rotation * glm::dvec3(0, 0, up_m), place.rotation});
   set(*sphere.mutable_size(), size_m);
@@ -121,10 +123,11 @@ glm::dvec3 offset_of(const v1::Shape& wire, const glm::dvec3& scale, const Conve
   return vector_to_client(ros_convention(), scale * vector_from_client(c, vector_of(wire.offset())));
 }
 
-// A shape that is no compound, with its centre at `place` in the entity. Long axes are along the client's up, which is the viewer's Z. An
-// uneven scale is applied along the axes of the shape, which is exact for shapes that are not turned.
-void add_part(foxglove::SceneEntity& entity, const v1::Shape& wire, const Pose& place, const glm::dvec3& scale, const Colour& colour,
-              const Convention& c) {
+// A shape that is no compound, with its centre at `place` in the entity. Long axes are along the client's up, which is
+// the viewer's Z. An uneven scale is applied along the axes of the shape, which is exact for shapes that are not
+// turned.
+void add_part(foxglove::SceneEntity& entity, const v1::Shape& wire, const Pose& place, const glm::dvec3& scale,
+              const Colour& colour, const Convention& c) {
   const auto sized = [&](double x, double y, double z) {  // canonical units of the client's length
     return extent_to_viewer(scale * glm::dvec3(x, y, z) * c.metres_per_unit);
   };
@@ -158,10 +161,10 @@ void add_part(foxglove::SceneEntity& entity, const v1::Shape& wire, const Pose& 
   }
 }
 
-void add_shape(foxglove::SceneEntity& entity, const v1::NewInstance& instance, const Colour& colour, const Convention& c) {
+void add_shape(foxglove::SceneEntity& entity, const v1::NewInstance& instance, const Colour& colour,
+               const Convention& c) {
   const v1::Shape& body = instance.shape();
-  const glm::dvec3 scale =
-      scale_from_client(c, instance.has_scale() ? vector_of(instance.scale()) : glm::dvec3(1.0));
+  const glm::dvec3 scale = scale_from_client(c, instance.has_scale() ? vector_of(instance.scale()) : glm::dvec3(1.0));
   const glm::dvec3 offset = offset_of(body, scale, c);
   if (!body.has_compound()) return add_part(entity, body, {offset, {1, 0, 0, 0}}, scale, colour, c);
   for (const v1::Shape::Part& part : body.compound().parts()) {
@@ -173,8 +176,7 @@ void add_shape(foxglove::SceneEntity& entity, const v1::NewInstance& instance, c
   }
 }
 
-void start_entity(foxglove::SceneEntity& entity, uint64_t time_ns, const std::string& frame,
-                  const std::string& id) {
+void start_entity(foxglove::SceneEntity& entity, uint64_t time_ns, const std::string& frame, const std::string& id) {
   set_time(*entity.mutable_timestamp(), time_ns);
   entity.set_frame_id(frame);
   entity.set_id(id);
@@ -259,7 +261,8 @@ void ViewerChannels::follow_shift() {
 
 // In the viewer's world. A node that was moved but never turned keeps its rotation of the file.
 Pose ViewerChannels::place_of(uint64_t id, const SessionSnapshot::Instance& instance) const {
-  const auto node = level_ && !instance.given ? level_->nodes.find(id) : std::map<uint64_t, LevelNode>::const_iterator();
+  const auto node = level_ && !instance.given ? level_->nodes.find(id)
+                                              : std::map<uint64_t, LevelNode>::const_iterator();
   const bool of_level = level_ && !instance.given && node != level_->nodes.end();
   if (of_level && !instance.moved) return node->second.rest;
   Pose pose = instance.given ? pose_of(instance.given->pose()) : Pose{};
@@ -311,7 +314,8 @@ std::optional<glm::dvec3> ViewerChannels::aim_of(uint64_t id) const {
 
 std::string ViewerChannels::name_of(uint64_t id) const {
   if (level_)
-    if (const auto node = level_->nodes.find(id); node != level_->nodes.end() && !node->second.name.empty()) return node->second.name;
+    if (const auto node = level_->nodes.find(id); node != level_->nodes.end() && !node->second.name.empty())
+      return node->second.name;
   return "target " + std::to_string(id);
 }
 
@@ -340,7 +344,8 @@ void ViewerChannels::emit_still(uint64_t time_ns, const Emit& emit) {
   size_t nodes = 0;
   if (level_)
     for (const auto& [id, node] : level_->nodes)
-      if (is_at_rest(id) && ++nodes <= kMaxInstances) add_frame(frames, time_ns, kWorld, viewer_frame_of(id), node.rest);
+      if (is_at_rest(id) && ++nodes <= kMaxInstances)
+        add_frame(frames, time_ns, kWorld, viewer_frame_of(id), node.rest);
   for_each_shown([&](uint64_t id, const SessionSnapshot::Instance& instance) {
     if (!instance.moved) add_frame(frames, time_ns, kWorld, viewer_frame_of(id), place_of(id, instance));
     if (!instance.given || !instance.given->has_shape()) return;
@@ -358,7 +363,8 @@ void ViewerChannels::emit_level(uint64_t time_ns, const Emit& emit) const {
   emit(RecordTopic::kLevel, level_->shapes);
   if (shown_deltas_ > 0) emit_removed(time_ns, emit);
   if (level_->left_out > 0)
-    emit_log(foxglove::Log::INFO, "record", std::to_string(level_->left_out) + " triangles of the smallest nodes are left out of /scene/level",
+    emit_log(foxglove::Log::INFO, "record",
+             std::to_string(level_->left_out) + " triangles of the smallest nodes are left out of /scene/level",
              time_ns, emit);
 }
 
@@ -401,8 +407,7 @@ void ViewerChannels::take_reply(const v1::CameraReply& reply, uint64_t time_ns, 
   last_status_ = reply.status();
   last_reason_ = reply.reason();
   if (changed)
-    emit_log(foxglove::Log::INFO, "camera", short_name(reply.status()) + ": " + reply.reason_text(),
-             time_ns, emit);
+    emit_log(foxglove::Log::INFO, "camera", short_name(reply.status()) + ": " + reply.reason_text(), time_ns, emit);
 }
 
 void ViewerChannels::emit_frames(const Pose& camera, uint64_t time_ns, const Emit& emit) const {
@@ -414,8 +419,7 @@ void ViewerChannels::emit_frames(const Pose& camera, uint64_t time_ns, const Emi
   emit(RecordTopic::kFrames, frames);
 }
 
-void ViewerChannels::emit_calibration(const v1::CameraReply& reply, uint64_t time_ns,
-                                      const Emit& emit) const {
+void ViewerChannels::emit_calibration(const v1::CameraReply& reply, uint64_t time_ns, const Emit& emit) const {
   const double width = kPictureWidth, height = std::round(width / aspect_);
   const double focal_px = height / 2 / std::tan(fov_from_client(client_, reply.field_of_view(), aspect_) / 2);
   foxglove::CameraCalibration calibration;
@@ -423,8 +427,7 @@ void ViewerChannels::emit_calibration(const v1::CameraReply& reply, uint64_t tim
   calibration.set_frame_id(kOptical);
   calibration.set_width(kPictureWidth);
   calibration.set_height(static_cast<uint32_t>(height));
-  for (const double k : {focal_px, 0.0, width / 2, 0.0, focal_px, height / 2, 0.0, 0.0, 1.0})
-    calibration.add_k(k);
+  for (const double k : {focal_px, 0.0, width / 2, 0.0, focal_px, height / 2, 0.0, 0.0, 1.0}) calibration.add_k(k);
   for (const double r : {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0}) calibration.add_r(r);
   for (const double p : {focal_px, 0.0, width / 2, 0.0, 0.0, focal_px, height / 2, 0.0, 0.0, 0.0, 1.0, 0.0})
     calibration.add_p(p);
@@ -450,16 +453,14 @@ void ViewerChannels::emit_sight(const v1::CameraReply& reply, const Pose& camera
     text.set_scale_invariant(true);
     text.set_font_size(14);
     set(*text.mutable_color(), colour);
-    text.set_text(name_of(target.id()) + ": " +
-                  std::to_string(std::lround(100 * target.filtered_share())) + " %");
+    text.set_text(name_of(target.id()) + ": " + std::to_string(std::lround(100 * target.filtered_share())) + " %");
   }
   emit(RecordTopic::kSight, sight);
 }
 
 void ViewerChannels::take_rejection(const v1::TickError& rejection, uint64_t time_ns, const Emit& emit) const {
   emit_log(foxglove::Log::WARNING, "tick",
-           "tick " + std::to_string(rejection.sequence()) + " refused: " + rejection.message(), time_ns,
-           emit);
+           "tick " + std::to_string(rejection.sequence()) + " refused: " + rejection.message(), time_ns, emit);
 }
 
 void ViewerChannels::take_fault(const v1::Fault& fault, uint64_t time_ns, const Emit& emit) const {
@@ -467,8 +468,8 @@ void ViewerChannels::take_fault(const v1::Fault& fault, uint64_t time_ns, const 
 }
 
 void ViewerChannels::take_gap(const v1::Gap& gap, uint64_t time_ns, const Emit& emit) const {
-  emit_log(foxglove::Log::WARNING, "record",
-           std::to_string(gap.messages()) + " messages are missing: " + gap.text(), time_ns, emit);
+  emit_log(foxglove::Log::WARNING, "record", std::to_string(gap.messages()) + " messages are missing: " + gap.text(),
+           time_ns, emit);
 }
 
 }  // namespace sightline

@@ -1,8 +1,8 @@
 // Makes messages for ordinary viewers, with no plugin, from the messages of a session: Foxglove's well-known types.
 //
-// Every session uses the frame "world": metres, right-handed, +Z up (REP 103). Its x, y, z are z, x, y of the canonical frame,
-// and the world origin is not subtracted. Frames below it: "camera" (+X forward, +Z up), "camera_optical" (+Z forward, +Y down,
-// as CameraCalibration asks) and "instance/<id>".
+// Every session uses the frame "world": metres, right-handed, +Z up (REP 103). Its x, y, z are z, x, y of the canonical
+// frame, and the world origin is not subtracted. Frames below it: "camera" (+X forward, +Z up), "camera_optical" (+Z
+// forward, +Y down, as CameraCalibration asks) and "instance/<id>".
 #pragma once
 
 #include <cstdint>

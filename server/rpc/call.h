@@ -18,8 +18,8 @@
 
 namespace sightline {
 
-// The parts of a call that gRPC fills in when a client calls. They are its context, the object that answers it and, for an RPC
-// with a single request, that request.
+// The parts of a call that gRPC fills in when a client calls. They are its context, the object that answers it and, for
+// an RPC with a single request, that request.
 struct NoRequest {};
 template <typename Responder, typename Request = NoRequest, typename Context = grpc::ServerContext>
 struct IncomingCall {
@@ -113,8 +113,8 @@ class AsyncCall {
     begin();
     incoming_->responder.Write(message, &written_);
   }
-  // One alarm at a time; the next may be started from `on_alarm`. It must be cancelled before the call can end earlier than
-  // the alarm. `timers` must outlive the call. Both functions are called from one thread at a time.
+  // One alarm at a time; the next may be started from `on_alarm`. It must be cancelled before the call can end earlier
+  // than the alarm. `timers` must outlive the call. Both functions are called from one thread at a time.
   void start_alarm(Timers& timers, std::chrono::milliseconds timeout) {
     begin();
     timers_ = &timers;
@@ -173,7 +173,7 @@ class AsyncCall {
   // Of the newest alarm.
   Timers* timers_ = nullptr;
   Timers::Timer alarm_;
-  bool ran_out_ = false;  // it was not cancelled
+  bool ran_out_ = false;           // it was not cancelled
   std::atomic<int> under_way_{2};  // every call has an end and a finish
   Reaction<&AsyncCall::react_to_read> read_{*this};
   Reaction<&AsyncCall::react_to_write> written_{*this};

@@ -62,8 +62,8 @@ void EventLoop::call_ends() {
   if (--calls_ == 0) none_left_.notify_all();
 }
 
-// gRPC delivers an alarm whose time is over at once, on this thread and without its timers. With the present time it would not: it rounds
-// times up to milliseconds, and waits for the rest by the wall clock.
+// gRPC delivers an alarm whose time is over at once, on this thread and without its timers. With the present time it
+// would not: it rounds times up to milliseconds, and waits for the rest by the wall clock.
 void EventLoop::post(Event& event) {
   grpc::Alarm alarm;
   alarm.Set(queue_.get(), gpr_inf_past(GPR_CLOCK_MONOTONIC), &event);

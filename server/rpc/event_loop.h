@@ -58,8 +58,8 @@ class EventLoop {
   // Only for a loop that was constructed with a server's queue.
   grpc::ServerCompletionQueue& server_queue() { return static_cast<grpc::ServerCompletionQueue&>(*queue_); }
 
-  // Takes a task for later, on the loop's thread only. It runs when nothing is left to be read. When the current event is
-  // the first one after a long rest, it runs right after that event.
+  // Takes a task for later, on the loop's thread only. It runs when nothing is left to be read. When the current event
+  // is the first one after a long rest, it runs right after that event.
   void defer(std::shared_ptr<ShortTask> task);
 
   // Brackets a call that may start operations; the loop waits for its end. From any thread.
@@ -68,8 +68,9 @@ class EventLoop {
   // Delivers an event. From any thread, between the beginning and the end of a call.
   void post(Event& event);
 
-  // Asks the thread for a sign of life, unless it still owes one, and returns how long it has owed it. Called about once a second, the
-  // result is less than a second unless an event or a task holds the thread up. From any thread, but not during the destruction.
+  // Asks the thread for a sign of life, unless it still owes one, and returns how long it has owed it. Called about
+  // once a second, the result is less than a second unless an event or a task holds the thread up. From any thread, but
+  // not during the destruction.
   struct Silence {
     std::chrono::steady_clock::duration lasted{0};
     std::chrono::nanoseconds busy{0};  // in which the thread ran or waited for a processor

@@ -1,7 +1,8 @@
 // Timers of the daemon's own: a thread that waits by the steady clock.
 //
-// gRPC 1.51 waits for its timers by the wall clock. When that is set back by a minute, they all come a minute late, those with a steady
-// deadline too. So what has to happen in time does not use them: grpc::Alarm, and the deadline of grpc::Server::Shutdown.
+// gRPC 1.51 waits for its timers by the wall clock. When that is set back by a minute, they all come a minute late,
+// those with a steady deadline too. So what has to happen in time does not use them: grpc::Alarm, and the deadline of
+// grpc::Server::Shutdown.
 #pragma once
 
 #include <chrono>

@@ -79,8 +79,8 @@ BoxTest::BoxTest(const SampleGrid& grid, const Aabb& bounds)
   for (int axis = 0; axis < 4; ++axis) column_[axis] = {grid.x[axis], grid.y[axis], grid.w[axis], 0.0f};
   for (int axis = 0; axis < 3; ++axis)
     for (size_t row = 0; row < 4; ++row) magnitude_[axis][row] = std::abs(column_[axis][row]);
-  const glm::dmat3 from_samples =
-      glm::inverse(glm::transpose(glm::dmat3(glm::dvec3(grid.x), glm::dvec3(grid.y), glm::dvec3(grid.w))));
+  const glm::dmat3 from_samples = glm::inverse(
+      glm::transpose(glm::dmat3(glm::dvec3(grid.x), glm::dvec3(grid.y), glm::dvec3(grid.w))));
   ray_x_ = from_samples[0], ray_y_ = from_samples[1], ray_ = from_samples[2];
   eye_ = -(from_samples * glm::dvec3(grid.x.w, grid.y.w, grid.w.w));
   // The displacement of a position that changes x, y and w by their slack.
@@ -92,10 +92,10 @@ bool BoxTest::may_show(const Aabb& box, Footprint& where) const {
   const glm::vec3 center = box.center(), half = box.half_extent();
   std::array<float, 4> low, high;
   for (size_t row = 0; row < 4; ++row) {
-    const float middle = column_[0][row] * center.x + column_[1][row] * center.y +
-                         column_[2][row] * center.z + column_[3][row];
-    const float reach =
-        magnitude_[0][row] * half.x + magnitude_[1][row] * half.y + magnitude_[2][row] * half.z + play_[row];
+    const float middle = column_[0][row] * center.x + column_[1][row] * center.y + column_[2][row] * center.z +
+                         column_[3][row];
+    const float reach = magnitude_[0][row] * half.x + magnitude_[1][row] * half.y + magnitude_[2][row] * half.z +
+                        play_[row];
     low[row] = middle - reach, high[row] = middle + reach;
   }
   const Interval across{low[0], high[0]}, up{low[1], high[1]}, depth{low[2], high[2]};
@@ -137,14 +137,12 @@ float BoxTest::enters_at_m(const Aabb& box, int sample_x, int sample_y) const {
   float enter_m = grid_.near_m * (1.0f - kHidingMargin), leave_m = std::numeric_limits<float>::infinity();
   for (int axis = 0; axis < 3; ++axis) {
     const float along = ray_x_[axis] * x + ray_y_[axis] * y + ray_[axis];
-    const float thick =
-        kMargin * (std::abs(ray_x_[axis]) + std::abs(ray_y_[axis])) +
-        1e-6f * (std::abs(ray_x_[axis]) * x + std::abs(ray_y_[axis]) * y + std::abs(ray_[axis]));
+    const float thick = kMargin * (std::abs(ray_x_[axis]) + std::abs(ray_y_[axis])) +
+                        1e-6f * (std::abs(ray_x_[axis]) * x + std::abs(ray_y_[axis]) * y + std::abs(ray_[axis]));
     // Above the lower face and below the upper one: along the ray's nearer side each holds up to or from some depth.
     const float to_low = box.min[axis] - eye_play_[axis] - eye_[axis],
                 to_high = eye_[axis] - eye_play_[axis] - box.max[axis];
-    for (const auto& [distance, speed] :
-         {std::pair(to_low, along + thick), std::pair(to_high, thick - along)}) {
+    for (const auto& [distance, speed] : {std::pair(to_low, along + thick), std::pair(to_high, thick - along)}) {
       // distance <= depth * speed
       if (speed > 0)
         enter_m = std::max(enter_m, distance / speed);

@@ -6,8 +6,8 @@
 namespace sightline {
 namespace {
 
-// Instances, and the points on them that the camera aims at, lie within 3e9 m. Embree's limit is 1.8e18, in the frame of an instance that can
-// be 1e8 times smaller (is_valid_linear).
+// Instances, and the points on them that the camera aims at, lie within 3e9 m. Embree's limit is 1.8e18, in the frame
+// of an instance that can be 1e8 times smaller (is_valid_linear).
 constexpr double kFarthestEyeM = 4e9;
 constexpr double kLongestDirection = 1e9;
 
@@ -20,31 +20,32 @@ bool is_within(const glm::dvec3& v, double most) {
 bool is_castable(const MapRequest& request) {
   const MapView& view = request.view;
   return is_within(view.eye_m, kFarthestEyeM) && is_within(texel_direction(view, 0, 0), kLongestDirection) &&
-         is_within(texel_direction(view, view.width - 1, view.height - 1), kLongestDirection) && request.far_m >= 0 && view.near_m >= 0 &&
-         std::isfinite(request.ahead_s);
+         is_within(texel_direction(view, view.width - 1, view.height - 1), kLongestDirection) && request.far_m >= 0 &&
+         view.near_m >= 0 && std::isfinite(request.ahead_s);
 }
 
 }  // namespace
 
 Status check_castable(std::span<const MapRequest> requests) {
   if (std::ranges::all_of(requests, is_castable)) return {};
-  return fail(ErrorCode::kInternal, "", "a depth map was planned from a place, or in a direction, that is not a finite number");
+  return fail(ErrorCode::kInternal, "",
+              "a depth map was planned from a place, or in a direction, that is not a finite number");
 }
 
 glm::dvec3 texel_direction(const MapView& view, int x, int y) {
   const double u = (x + view.jitter.x) / view.width, v = (y + view.jitter.y) / view.height;
-  return view.world_from_view * glm::dvec3(view.left + u * (view.right - view.left),
-                                           view.bottom + v * (view.top - view.bottom), -1.0);
+  return view.world_from_view *
+         glm::dvec3(view.left + u * (view.right - view.left), view.bottom + v * (view.top - view.bottom), -1.0);
 }
 
 double longest_direction(const MapView& view) {
-  return std::hypot(1.0, std::max(std::abs(view.left), std::abs(view.right)), std::max(std::abs(view.bottom), std::abs(view.top)));
+  return std::hypot(1.0, std::max(std::abs(view.left), std::abs(view.right)),
+                    std::max(std::abs(view.bottom), std::abs(view.top)));
 }
 
 MapPoint project(const MapView& view, const glm::dvec3& point_m) {
   const glm::dvec3 offset = point_m - view.eye_m;
-  const glm::dvec3 p =
-      offset * view.world_from_view;  // row vector times matrix: the transpose, view_from_world
+  const glm::dvec3 p = offset * view.world_from_view;  // row vector times matrix: the transpose, view_from_world
   MapPoint out;
   out.depth_m = -p.z;
   if (p.z >= 0.0) return out;

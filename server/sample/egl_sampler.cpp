@@ -12,8 +12,9 @@
 namespace sightline {
 namespace {
 
-// Sessions that are worth taking together on a GPU, where every submission is a round trip: enough to fill the submissions that may be
-// in flight. On an NVIDIA H100 each of 20 sessions costs half as much in one round as alone, on llvmpipe the same (tests/bench/sample_bench, egl_sessions).
+// Sessions that are worth taking together on a GPU, where every submission is a round trip: enough to fill the
+// submissions that may be in flight. On an NVIDIA H100 each of 20 sessions costs half as much in one round as alone, on
+// llvmpipe the same (tests/bench/sample_bench, egl_sessions).
 constexpr size_t kHardwareBatch = 16;
 
 using ContextResult = Result<std::unique_ptr<EglContext>>;
@@ -31,13 +32,11 @@ ContextResult create_best_context() {
 }
 
 ContextResult create_context(const EglOptions& options) {
-  ContextResult context =
-      options.device_index < 0 ? create_best_context() : EglContext::create(options.device_index);
+  ContextResult context = options.device_index < 0 ? create_best_context() : EglContext::create(options.device_index);
   if (!context) return fail(ErrorCode::kUnavailable, "--egl-device", context.error().message);
   const EglContextInfo& info = (*context)->info();
   if (options.require_gpu && info.software)
-    return fail(ErrorCode::kUnavailable, "--require-gpu",
-                "only software rendering is available: " + info.renderer);
+    return fail(ErrorCode::kUnavailable, "--require-gpu", "only software rendering is available: " + info.renderer);
   return context;
 }
 
@@ -57,8 +56,8 @@ class SharedEglDevice final : public EglSamplerDevice {
   void simulate_context_loss() override;
   uint64_t context_rebuilds() const override;
 
-  // Takes what `taker` has prepared; any thread, the renderer is used by one at a time. When the context is lost, makes another
-  // and takes once more.
+  // Takes what `taker` has prepared; any thread, the renderer is used by one at a time. When the context is lost, makes
+  // another and takes once more.
   Status take(MapTaker& taker);
 
  private:
@@ -82,8 +81,7 @@ class SharedEglDevice final : public EglSamplerDevice {
 class EglSampler final : public Sampler {
  public:
   explicit EglSampler(SharedEglDevice& device) : device_(device) {}
-  Status take(const SceneMirror& mirror, std::span<const MapRequest> requests,
-              std::vector<DepthMap>& maps) override;
+  Status take(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) override;
 
   // Updates the data derived from the mirror, and sizes `maps`.
   MapJob begin(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps);
@@ -107,8 +105,8 @@ Result<std::unique_ptr<EglSamplerDevice>> SharedEglDevice::create(const EglOptio
   return device;
 }
 
-// Takes maps of a box, so that the first session does not wait for the driver to compile. llvmpipe compiles for 38 ms of CPU
-// time in the first take. It compiles again for 24 ms in the fifth.
+// Takes maps of a box, so that the first session does not wait for the driver to compile. llvmpipe compiles for 38 ms
+// of CPU time in the first take. It compiles again for 24 ms in the fifth.
 Status SharedEglDevice::warm_up() {
   constexpr int kTakes = 6;
   SceneMirror mirror;
@@ -134,8 +132,7 @@ Status SharedEglDevice::build() {
   description_ = info.renderer + ", OpenGL " + info.gl_version + ", EGL " + info.platform +
                  (info.drm_node.empty() ? "" : " " + info.drm_node) + (info.robust ? "" : ", not robust");
   const CurrentContext current(*context_);
-  if (!current)
-    return fail(ErrorCode::kUnavailable, "--egl-device", "EGL refuses to make the context current");
+  if (!current) return fail(ErrorCode::kUnavailable, "--egl-device", "EGL refuses to make the context current");
   Result<std::unique_ptr<MapRenderer>> renderer = MapRenderer::create();
   if (!renderer) return fail(ErrorCode::kUnavailable, "--egl-device", to_string(renderer.error()));
   renderer_ = std::move(*renderer);
@@ -204,8 +201,7 @@ Status SharedEglDevice::take_once(MapTaker& taker) {
   return done;
 }
 
-MapJob EglSampler::begin(const SceneMirror& mirror, std::span<const MapRequest> requests,
-                         std::vector<DepthMap>& maps) {
+MapJob EglSampler::begin(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) {
   double ahead_s = 0.0;
   for (const MapRequest& request : requests) ahead_s = std::max(ahead_s, request.ahead_s);
   occluders_.take_in(mirror, ahead_s);
@@ -213,8 +209,7 @@ MapJob EglSampler::begin(const SceneMirror& mirror, std::span<const MapRequest> 
   return {&occluders_, &mirror, requests, maps};
 }
 
-Status EglSampler::take(const SceneMirror& mirror, std::span<const MapRequest> requests,
-                        std::vector<DepthMap>& maps) {
+Status EglSampler::take(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) {
   if (Status castable = check_castable(requests); !castable) return castable;
   const MapJob job = begin(mirror, requests, maps);
   const Status taken = take({&job, 1});
@@ -241,8 +236,7 @@ EglDeviceInfo describe(int index, const ContextResult& context) {
 
 std::vector<EglDeviceInfo> list_egl_devices(const EglOptions& options) {
   std::vector<EglDeviceInfo> out;
-  for (int index = 0; index < egl_device_count(); ++index)
-    out.push_back(describe(index, EglContext::create(index)));
+  for (int index = 0; index < egl_device_count(); ++index) out.push_back(describe(index, EglContext::create(index)));
   out.push_back(describe(kSurfacelessIndex, EglContext::create(kSurfacelessIndex)));
   const ContextResult chosen = create_context(options);
   for (EglDeviceInfo& info : out) info.chosen = chosen && (*chosen)->info().index == info.index;

@@ -12,8 +12,7 @@
 namespace sightline {
 
 struct EglOptions {
-  int device_index =
-      -1;  // of list_egl_devices(); -1: the first hardware device, else software, else surfaceless
+  int device_index = -1;     // of list_egl_devices(); -1: the first hardware device, else software, else surfaceless
   bool require_gpu = false;  // fail instead of rendering in software
 };
 
@@ -26,8 +25,8 @@ std::vector<EglDeviceInfo> list_egl_devices(const EglOptions& options);
 // The one of them that the options pick; fails as make_egl_sampler_device does.
 Result<EglDeviceInfo> choose_egl_device(const EglOptions& options);
 
-// The samplers of all sessions share one context; threads take turns. A lost context is rebuilt, and the take that met the loss is
-// repeated once. The device keeps no geometry: the few triangles that a map shows are sent with each take.
+// The samplers of all sessions share one context; threads take turns. A lost context is rebuilt, and the take that met
+// the loss is repeated once. The device keeps no geometry: the few triangles that a map shows are sent with each take.
 class EglSamplerDevice : public SamplerDevice {
  public:
   // Makes the next take find its context lost. For tests and drills.

@@ -1,4 +1,5 @@
-// The device builds each bottom scene once for each geometry, and each static top scene once for equal static instances.
+// The device builds each bottom scene once for each geometry, and each static top scene once for equal static
+// instances.
 #include <algorithm>
 #include <array>
 #include <cassert>
@@ -14,7 +15,8 @@ namespace {
 
 using Content = EmbreeScene::Content;
 
-// Without it, Embree starts a thread for each CPU of the machine. A container that may use fewer says so by its quota, which Embree does not read.
+// Without it, Embree starts a thread for each CPU of the machine. A container that may use fewer says so by its quota,
+// which Embree does not read.
 std::string device_configuration() {
   return "threads=" + std::to_string(cpu_budget());
 }
@@ -24,23 +26,21 @@ constexpr size_t kMaxTrianglesOfHighQuality = 1'000'000;
 
 const RTCSceneFlags kSceneFlags = RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION;
 
-std::shared_ptr<const BottomScene> build_bottom(RTCDevice device, const Geometry& geometry,
-                                                size_t index_count) {
+std::shared_ptr<const BottomScene> build_bottom(RTCDevice device, const Geometry& geometry, size_t index_count) {
   auto bottom = std::make_shared<BottomScene>();
   const GeometryHandle mesh(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE));
   // Embree reads 16 bytes from every vertex, so its own padded buffers are used instead of sharing ours.
-  auto* vertices =
-      static_cast<float*>(rtcSetNewGeometryBuffer(mesh.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                                                  sizeof(glm::vec3), geometry.positions.size()));
-  auto* indices = static_cast<uint32_t*>(rtcSetNewGeometryBuffer(
-      mesh.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 3 * sizeof(uint32_t), index_count / 3));
+  auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(mesh.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                                                               sizeof(glm::vec3), geometry.positions.size()));
+  auto* indices = static_cast<uint32_t*>(rtcSetNewGeometryBuffer(mesh.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                                                                 3 * sizeof(uint32_t), index_count / 3));
   std::copy_n(&geometry.positions[0].x, 3 * geometry.positions.size(), vertices);
   std::copy_n(geometry.indices.data(), index_count, indices);
   bottom->vertices = vertices;
   bottom->indices = indices;
   // Embree's compact layout would save a quarter of the bytes on small meshes, but be up to 50 % slower on large ones.
-  const RTCBuildQuality quality =
-      index_count / 3 <= kMaxTrianglesOfHighQuality ? RTC_BUILD_QUALITY_HIGH : RTC_BUILD_QUALITY_MEDIUM;
+  const RTCBuildQuality quality = index_count / 3 <= kMaxTrianglesOfHighQuality ? RTC_BUILD_QUALITY_HIGH
+                                                                                : RTC_BUILD_QUALITY_MEDIUM;
   // Layers belong to the instances; here every bit is set.
   rtcSetGeometryMask(mesh.get(), 0xFFFFFFFF);
   rtcSetGeometryBuildQuality(mesh.get(), quality);
@@ -76,8 +76,8 @@ Placed place(EmbreeDevice::Impl& device, const SceneMirror& mirror, Content cont
     const size_t index_count = instance.moving == moving ? counted_indices(instance, content) : 0;
     if (index_count == 0) continue;
     placed.bottoms.push_back(device.bottom_of(instance.geometry, index_count));
-    placed.placements.push_back({slot, instance.attributes.layers, placed.bottoms.back().get(),
-                                 world_from_instance_ahead(instance, ahead_s)});
+    placed.placements.push_back(
+        {slot, instance.attributes.layers, placed.bottoms.back().get(), world_from_instance_ahead(instance, ahead_s)});
   }
   return placed;
 }
@@ -131,8 +131,7 @@ void reject_filtered(const RTCFilterFunctionNArguments* args) {
 
 size_t counted_indices(const Instance& instance, Content content) {
   if (!instance.geometry) return 0;
-  if (content == Content::kOccluders)
-    return instance.occludes() ? instance.geometry->occluding_index_count : 0;
+  if (content == Content::kOccluders) return instance.occludes() ? instance.geometry->occluding_index_count : 0;
   return instance.collides() ? instance.geometry->indices.size() : 0;
 }
 
@@ -145,7 +144,8 @@ bool TopScene::holds(uint32_t slot) const {
 FilterContext::FilterContext(const TopScene& filtered_top, const RayFilter& ray_filter)
     : top(&filtered_top), filter(&ray_filter) {
   rtcInitIntersectContext(&embree);
-  const bool ignores = std::ranges::any_of(ray_filter.ignored_slots, [&](uint32_t slot) { return filtered_top.holds(slot); });
+  const bool ignores = std::ranges::any_of(ray_filter.ignored_slots,
+                                           [&](uint32_t slot) { return filtered_top.holds(slot); });
   if (ignores || ray_filter.only_slot != UINT32_MAX) embree.filter = reject_filtered;
 }
 
@@ -176,8 +176,8 @@ void EmbreeDevice::Impl::forget_dead() {
   std::erase_if(statics, [](const auto& item) { return item.second.expired(); });
 }
 
-std::shared_ptr<const BottomScene> EmbreeDevice::Impl::bottom_of(
-    const std::shared_ptr<const Geometry>& geometry, size_t index_count) {
+std::shared_ptr<const BottomScene> EmbreeDevice::Impl::bottom_of(const std::shared_ptr<const Geometry>& geometry,
+                                                                 size_t index_count) {
   const BottomKey key{geometry.get(), index_count};
   if (auto bottom = find(key)) return bottom;
   auto built = build_bottom(device.get(), *geometry, index_count);
@@ -187,8 +187,7 @@ std::shared_ptr<const BottomScene> EmbreeDevice::Impl::bottom_of(
   return bottom.scene;
 }
 
-std::shared_ptr<const StaticTop> EmbreeDevice::Impl::find(uint64_t hash,
-                                                          std::span<const Placement> placements) {
+std::shared_ptr<const StaticTop> EmbreeDevice::Impl::find(uint64_t hash, std::span<const Placement> placements) {
   const std::lock_guard lock(mutex);
   const auto [first, last] = statics.equal_range(hash);
   for (auto it = first; it != last; ++it)
@@ -200,8 +199,7 @@ std::shared_ptr<const StaticTop> EmbreeDevice::Impl::find(uint64_t hash,
   return nullptr;
 }
 
-std::shared_ptr<const StaticTop> EmbreeDevice::Impl::static_top_of(const SceneMirror& mirror,
-                                                                   Content content) {
+std::shared_ptr<const StaticTop> EmbreeDevice::Impl::static_top_of(const SceneMirror& mirror, Content content) {
   const Placed placed = place(*this, mirror, content, false, 0.0);
   const uint64_t hash = hash64_bytes(std::as_bytes(std::span(placed.placements)));
   if (auto found = find(hash, placed.placements)) return found;

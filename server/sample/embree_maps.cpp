@@ -12,8 +12,8 @@ namespace {
 constexpr int kRays = 16;  // a packet; devices without vectors as wide take it in parts
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-// Wider packets, on the plane one unit before the eye, are faster without Embree's flag for coherent rays. On maps of 7 and 16 texels a
-// side over a city both were equally fast at widths of 0.25 to 0.35.
+// Wider packets, on the plane one unit before the eye, are faster without Embree's flag for coherent rays. On maps of 7
+// and 16 texels a side over a city both were equally fast at widths of 0.25 to 0.35.
 constexpr double kCoherentWidth = 0.25;
 
 // World directions of a map's texels, one unit of depth along the view axis: `first` + x `right` + y `up`.
@@ -39,8 +39,8 @@ class SingleRay {
   }
 
   // True when the ray hits something nearer than all its hits before.
-  bool meets(RTCScene scene, RTCIntersectContext& context, const glm::vec3& origin,
-             const glm::vec3& direction, uint32_t mask) {
+  bool meets(RTCScene scene, RTCIntersectContext& context, const glm::vec3& origin, const glm::vec3& direction,
+             uint32_t mask) {
     query_.ray.org_x = origin.x, query_.ray.org_y = origin.y, query_.ray.org_z = origin.z;
     query_.ray.dir_x = direction.x, query_.ray.dir_y = direction.y, query_.ray.dir_z = direction.z;
     query_.ray.mask = mask;
@@ -57,9 +57,8 @@ class SingleRay {
 
 // Directions first + right * x + up * y in double precision, rounded, and their lengths.
 SIGHTLINE_VECTOR_CLONES
-void set_directions(const glm::dvec3& first, const glm::dvec3& right, const glm::dvec3& up,
-                    const double* __restrict x, const double* __restrict y, RTCRay16& rays,
-                    float* __restrict length) {
+void set_directions(const glm::dvec3& first, const glm::dvec3& right, const glm::dvec3& up, const double* __restrict x,
+                    const double* __restrict y, RTCRay16& rays, float* __restrict length) {
   const double first_x = first.x, first_y = first.y, first_z = first.z, right_x = right.x, right_y = right.y,
                right_z = right.z, up_x = up.x, up_y = up.y, up_z = up.z;
   for (int i = 0; i < kRays; ++i) {
@@ -213,15 +212,15 @@ void EmbreeMaps::take_in(const SceneMirror& mirror) {
   movers_.take_in(*device_, mirror);
 }
 
-// A filter that Embree calls for every hit costs a third of the time, so it is set only when a ray can hit an ignored instance.
-bool EmbreeMaps::static_filter_needed(const SceneMirror& mirror, const MapRequest& request,
-                                      const RayCone& cone) const {
+// A filter that Embree calls for every hit costs a third of the time, so it is set only when a ray can hit an ignored
+// instance.
+bool EmbreeMaps::static_filter_needed(const SceneMirror& mirror, const MapRequest& request, const RayCone& cone) const {
   return std::any_of(request.ignored_slots.begin(), request.ignored_slots.end(), [&](uint32_t slot) {
     if (!fixed_->top.holds(slot)) return false;
     const Instance& instance = mirror.instances()[slot];
     const glm::vec3 center(instance.center_m - request.view.eye_m);
-    return cone.may_meet(
-        center, static_cast<float>(1.001 * instance.radius_m + 1e-5 * glm::length(glm::dvec3(center))));
+    return cone.may_meet(center,
+                         static_cast<float>(1.001 * instance.radius_m + 1e-5 * glm::length(glm::dvec3(center))));
   });
 }
 
@@ -244,20 +243,18 @@ void EmbreeMaps::take_sight(const SceneMirror& mirror, const MapRequest& request
   const TopScene& top = fixed_->top;
   SingleRay ray(request, static_cast<float>(request.far_m));
   uint32_t slot = kNoOccluder;
-  const RayFilter filter{.ignored_slots = static_filter_needed(mirror, request, cone)
-                                              ? request.ignored_slots
-                                              : std::span<const uint32_t>()};
+  const RayFilter filter{.ignored_slots = static_filter_needed(mirror, request, cone) ? request.ignored_slots
+                                                                                      : std::span<const uint32_t>()};
   FilterContext context(top, filter);
-  if (top.scene && ray.meets(top.scene.get(), context.embree, glm::vec3(request.view.eye_m - top.anchor_m),
-                             direction, request.layer_mask))
+  if (top.scene && ray.meets(top.scene.get(), context.embree, glm::vec3(request.view.eye_m - top.anchor_m), direction,
+                             request.layer_mask))
     slot = top.entries[ray.instance()].slot;
   movers_.find(mirror, request, cone, near_);
   RTCIntersectContext plain;
   rtcInitIntersectContext(&plain);
   for (const NearMover& mover : near_)
     if (mover.nearest_m <= ray.distance() * length &&
-        ray.meets(mover.bottom->scene.get(), plain, mover.eye_in_instance,
-                  mover.instance_from_world * direction, ~0u))
+        ray.meets(mover.bottom->scene.get(), plain, mover.eye_in_instance, mover.instance_from_world * direction, ~0u))
       slot = mover.slot;
   map.distance_m[0] = slot == kNoOccluder ? kInfinity : ray.distance() * length;
   map.occluder[0] = slot;
@@ -268,15 +265,13 @@ void EmbreeMaps::take_packets(const SceneMirror& mirror, const MapRequest& reque
   const TopScene& top = fixed_->top;
   const TexelRays texels(view);
   const RayCone cone = texels.cone(0, 0, view.width, view.height);
-  const RayFilter filter{.ignored_slots = static_filter_needed(mirror, request, cone)
-                                              ? request.ignored_slots
-                                              : std::span<const uint32_t>()};
+  const RayFilter filter{.ignored_slots = static_filter_needed(mirror, request, cone) ? request.ignored_slots
+                                                                                      : std::span<const uint32_t>()};
   FilterContext context(top, filter);
   movers_.find(mirror, request, cone, near_);
 
   Packet& packet = *packet_;
-  if (packet.map_width != view.width || packet.map_height != view.height)
-    packet.take_shape(view.width, view.height);
+  if (packet.map_width != view.width || packet.map_height != view.height) packet.take_shape(view.width, view.height);
   packet.begin_map(request, glm::vec3(view.eye_m - top.anchor_m));
   const double width = std::max(packet.shape.width * (view.right - view.left) / view.width,
                                 packet.shape.height * (view.top - view.bottom) / view.height);
@@ -292,8 +287,7 @@ void EmbreeMaps::take_packets(const SceneMirror& mirror, const MapRequest& reque
       if (!near_.empty() && near_.front().nearest_m <= packet.farthest_m()) {
         const RayCone part = texels.cone(x, y, packet.shape.width, packet.shape.height);
         for (const NearMover& mover : near_)
-          if (part.may_meet(mover.center_from_eye_m, mover.radius_m) &&
-              mover.nearest_m <= packet.farthest_m())
+          if (part.may_meet(mover.center_from_eye_m, mover.radius_m) && mover.nearest_m <= packet.farthest_m())
             packet.meet(mover);
       }
       packet.store(x, y, map);

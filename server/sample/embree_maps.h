@@ -1,8 +1,9 @@
 // Takes the depth maps of one mirror with Embree's rays, in packets of 16 from one eye.
 //
-// A packet is a nearly square rectangle of texels, so that its rays are close together. Where a ray passes through an edge, its
-// hit may depend on the other rays of the packet. A packet therefore never mixes rays of two requests, and its setup depends
-// only on the mirror and the request. So the same request gives the same bits, on any thread and with any other requests.
+// A packet is a nearly square rectangle of texels, so that its rays are close together. Where a ray passes through an
+// edge, its hit may depend on the other rays of the packet. A packet therefore never mixes rays of two requests, and
+// its setup depends only on the mirror and the request. So the same request gives the same bits, on any thread and with
+// any other requests.
 //
 // Static instances are traced through the device's shared top scene, moving instances one by one (EmbreeMovers).
 #pragma once

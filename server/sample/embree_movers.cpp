@@ -24,7 +24,8 @@ RayCone RayCone::around(std::span<const glm::vec3, 4> corners) {
 }
 
 bool RayCone::may_meet(const glm::vec3& c, float radius_m) const {
-  // The ball's centre is `beside` from the axis and `along` it; its distance from the cone's side, squared where positive.
+  // The ball's centre is `beside` from the axis and `along` it; its distance from the cone's side, squared where
+  // positive.
   const float along = glm::dot(axis, c);
   const glm::vec3 beside = glm::cross(axis, c);
   const float reach = along * sine + radius_m;
@@ -85,8 +86,7 @@ void EmbreeMovers::mark(const Centers& centers, const glm::vec3& eye, const RayC
   const float ax = cone.axis.x, ay = cone.axis.y, az = cone.axis.z, sine = cone.sine;
   const float squared_cosine = cone.cosine * cone.cosine;
   const float ex = eye.x, ey = eye.y, ez = eye.z;
-  const float *xs = centers.x.data(), *ys = centers.y.data(), *zs = centers.z.data(),
-              *radii = radius_m_.data();
+  const float *xs = centers.x.data(), *ys = centers.y.data(), *zs = centers.z.data(), *radii = radius_m_.data();
   int32_t* marks = marks_.data();
   const size_t count = slots_.size();
   for (size_t i = 0; i < count; ++i) {

@@ -1,9 +1,9 @@
 // The moving instances of a mirror, for embree_maps. Internal to sample/embree_*.
 //
-// There is no hierarchy above them. A tick only writes their centres, and each map tests all bounding spheres for those that its rays
-// may hit. That costs about one nanosecond for each sphere and map. To commit a scene of the instances, Embree would take one
-// microsecond for each instance and tick, and again for the time ahead. Instances that a request ignores are left out here, so that
-// Embree needs no filter.
+// There is no hierarchy above them. A tick only writes their centres, and each map tests all bounding spheres for those
+// that its rays may hit. That costs about one nanosecond for each sphere and map. To commit a scene of the instances,
+// Embree would take one microsecond for each instance and tick, and again for the time ahead. Instances that a request
+// ignores are left out here, so that Embree needs no filter.
 #pragma once
 
 #include <cstdint>
@@ -45,10 +45,9 @@ class EmbreeMovers {
   // To be called after every change of the mirror.
   void take_in(EmbreeDevice::Impl& device, const SceneMirror& mirror);
 
-  // Sets `near` to the instances that the request includes and a ray of the cone may hit, nearest first, where they are at its ahead_s.
-  // The mirror is that of take_in. The first request for a time since then places all instances.
-  void find(const SceneMirror& mirror, const MapRequest& request, const RayCone& cone,
-            std::vector<NearMover>& near);
+  // Sets `near` to the instances that the request includes and a ray of the cone may hit, nearest first, where they are
+  // at its ahead_s. The mirror is that of take_in. The first request for a time since then places all instances.
+  void find(const SceneMirror& mirror, const MapRequest& request, const RayCone& cone, std::vector<NearMover>& near);
 
  private:
   struct Centers {

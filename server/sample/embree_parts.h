@@ -1,4 +1,5 @@
-// The data that the Embree device, scenes and maps share. Internal to sample/embree_*, and the only header that includes Embree.
+// The data that the Embree device, scenes and maps share. Internal to sample/embree_*, and the only header that
+// includes Embree.
 #pragma once
 
 #include <embree3/rtcore.h>
@@ -70,10 +71,12 @@ struct StaticTop {
   std::vector<Placement> placements;  // what it was made from, compared to find it again
 };
 
-// Number of an instance's indices that belong in a scene of this kind (EmbreeScene::Content); 0 if the instance does not.
+// Number of an instance's indices that belong in a scene of this kind (EmbreeScene::Content); 0 if the instance does
+// not.
 size_t counted_indices(const Instance& instance, EmbreeScene::Content content);
 
-// Passed to Embree as its context, with our members behind. Without `filter` nothing is rejected and Embree makes no calls.
+// Passed to Embree as its context, with our members behind. Without `filter` nothing is rejected and Embree makes no
+// calls.
 struct FilterContext {
   RTCIntersectContext embree;  // must stay first
   const TopScene* top = nullptr;
@@ -86,26 +89,24 @@ struct FilterContext {
 struct EmbreeDevice::Impl {
   Impl();
 
-  // Finds or builds. Building happens outside the lock: when two threads build the same thing, the later result is dropped.
-  std::shared_ptr<const BottomScene> bottom_of(const std::shared_ptr<const Geometry>& geometry,
-                                               size_t index_count);
+  // Finds or builds. Building happens outside the lock: when two threads build the same thing, the later result is
+  // dropped.
+  std::shared_ptr<const BottomScene> bottom_of(const std::shared_ptr<const Geometry>& geometry, size_t index_count);
   // The top scene of the mirror's static instances that belong in a scene of this kind.
   std::shared_ptr<const StaticTop> static_top_of(const SceneMirror& mirror, EmbreeScene::Content content);
   // The top scene of its moving instances of this kind, placed where their velocities take them in `ahead_s`.
   TopScene moving_top_of(const SceneMirror& mirror, EmbreeScene::Content content, double ahead_s);
   void forget_dead();
 
-  // A geometry and how many of its indices belong: all of them, or the occluding ones. Both are one bottom scene when nothing is
-  // see-through.
+  // A geometry and how many of its indices belong: all of them, or the occluding ones. Both are one bottom scene when
+  // nothing is see-through.
   struct BottomKey {
     const Geometry* geometry;
     size_t index_count;
     bool operator==(const BottomKey&) const = default;
   };
   struct BottomKeyHash {
-    size_t operator()(const BottomKey& key) const {
-      return std::hash<const void*>()(key.geometry) ^ key.index_count;
-    }
+    size_t operator()(const BottomKey& key) const { return std::hash<const void*>()(key.geometry) ^ key.index_count; }
   };
   struct Bottom {
     std::weak_ptr<const Geometry> geometry;
@@ -115,8 +116,9 @@ struct EmbreeDevice::Impl {
   std::atomic<ssize_t> bytes{0};  // kept by Embree's memory monitor; outlives the device
   DeviceHandle device;
   std::mutex mutex;
-  std::unordered_map<BottomKey, Bottom, BottomKeyHash> bottoms;               // guarded by mutex
-  std::unordered_multimap<uint64_t, std::weak_ptr<const StaticTop>> statics;  // guarded by mutex; by hash of the placements
+  std::unordered_map<BottomKey, Bottom, BottomKeyHash> bottoms;  // guarded by mutex
+  // guarded by mutex; by hash of the placements
+  std::unordered_multimap<uint64_t, std::weak_ptr<const StaticTop>> statics;
 
  private:
   std::shared_ptr<const BottomScene> find(const BottomKey& key);

@@ -21,8 +21,7 @@ class EmbreeSampler final : public Sampler {
  public:
   EmbreeSampler(EmbreeDevice& device, size_t threads, std::chrono::nanoseconds most_time, ThreadClock clock)
       : most_time_(most_time), clock_(clock), pool_(threads) {
-    for (size_t thread = 0; thread < pool_.size(); ++thread)
-      takers_.push_back(std::make_unique<EmbreeMaps>(device));
+    for (size_t thread = 0; thread < pool_.size(); ++thread) takers_.push_back(std::make_unique<EmbreeMaps>(device));
   }
 
   void prepare(const SceneMirror& mirror) override { takers_[0]->take_in(mirror); }
@@ -32,9 +31,9 @@ class EmbreeSampler final : public Sampler {
     maps.resize(requests.size());
     // Builds what is new to the device once; the other threads find it.
     takers_[0]->take_in(mirror);
-    // A map depends only on the mirror and its request (embree_maps.h), so any thread may take it. The last maps are taken
-    // first. They belong to the viewpoint search and cost three times as much, so this order lets the threads end at about the
-    // same time.
+    // A map depends only on the mirror and its request (embree_maps.h), so any thread may take it. The last maps are
+    // taken first. They belong to the viewpoint search and cost three times as much, so this order lets the threads end
+    // at about the same time.
     std::atomic<ptrdiff_t> left{std::ssize(requests)};
     std::atomic<bool> late{false};
     std::atomic<int64_t> spent_ns{0};
@@ -55,7 +54,8 @@ class EmbreeSampler final : public Sampler {
       pool_.run(std::cref(work));
     else
       work(0);
-    if (late) return fail(ErrorCode::kResourceExhausted, "", "the depth maps of the step took too long (--max-maps-ms)");
+    if (late)
+      return fail(ErrorCode::kResourceExhausted, "", "the depth maps of the step took too long (--max-maps-ms)");
     maps_taken_ += requests.size();
     return {};
   }
@@ -64,7 +64,7 @@ class EmbreeSampler final : public Sampler {
   const std::chrono::nanoseconds most_time_;
   const ThreadClock clock_;
   std::vector<std::unique_ptr<EmbreeMaps>> takers_;  // by thread
-  ThreadPool pool_;                                        // last, so that its threads end first
+  ThreadPool pool_;                                  // last, so that its threads end first
 };
 
 class EmbreeSamplerDevice final : public SamplerDevice {
@@ -88,7 +88,8 @@ class EmbreeSamplerDevice final : public SamplerDevice {
 
 }  // namespace
 
-std::unique_ptr<SamplerDevice> make_embree_sampler_device(size_t threads, std::chrono::nanoseconds most_time, ThreadClock clock) {
+std::unique_ptr<SamplerDevice> make_embree_sampler_device(size_t threads, std::chrono::nanoseconds most_time,
+                                                          ThreadClock clock) {
   return std::make_unique<EmbreeSamplerDevice>(threads, most_time, clock);
 }
 

@@ -29,7 +29,8 @@ bool can_hit(const TopScene& top, const RayFilter& filter) {
 RTCRay ray_in(const TopScene& top, const glm::dvec3& origin_m, const glm::vec3& direction, float near, float far,
               const RayFilter& filter) {
   const glm::vec3 origin(origin_m - top.anchor_m);
-  return {origin.x, origin.y, origin.z, near, direction.x, direction.y, direction.z, 0.0f, far, filter.layer_mask, 0, 0};
+  return {origin.x, origin.y,          origin.z, near, direction.x, direction.y, direction.z, 0.0f,
+          far,      filter.layer_mask, 0,        0};
 }
 
 // Replaces `hit` when something nearer than it is hit.

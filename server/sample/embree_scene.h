@@ -1,13 +1,16 @@
-// Embree's device, shared with the sampler, and single rays through a mirror. The sampler takes its maps without EmbreeScene
-// (embree_maps.h); the client's truth renderer, its judge and the tests use EmbreeScene as an independent reference.
+// Embree's device, shared with the sampler, and single rays through a mirror. The sampler takes its maps without
+// EmbreeScene (embree_maps.h); the client's truth renderer, its judge and the tests use EmbreeScene as an independent
+// reference.
 //
-// Scenes have two levels. Each geometry has a bottom scene, shared by all mirrors of a device. Above are two top scenes, one of static
-// and one of moving instances, so that a tick rebuilds only the second. Mirrors whose static instances are equal (slots, geometry,
-// transforms, layers) share one static top scene; a mirror that changes an instance gets another one.
+// Scenes have two levels. Each geometry has a bottom scene, shared by all mirrors of a device. Above are two top
+// scenes, one of static and one of moving instances, so that a tick rebuilds only the second. Mirrors whose static
+// instances are equal (slots, geometry, transforms, layers) share one static top scene; a mirror that changes an
+// instance gets another one.
 //
-// Embree computes in single precision. So each top scene is anchored at the middle of its instances, and origins are given in
-// double. Rounding then depends on the extent of the scene, not on its distance from the world's origin. A hit distance errs by
-// about 1e-7 of the distance plus 1e-7 of the distance from the anchor to the eye or to the instance, whichever is larger.
+// Embree computes in single precision. So each top scene is anchored at the middle of its instances, and origins are
+// given in double. Rounding then depends on the extent of the scene, not on its distance from the world's origin. A hit
+// distance errs by about 1e-7 of the distance plus 1e-7 of the distance from the anchor to the eye or to the instance,
+// whichever is larger.
 #pragma once
 
 #include <cstddef>
@@ -22,9 +25,9 @@
 
 namespace sightline {
 
-// Owns the RTCDevice, the bottom scenes and the static top scenes. Thread-safe. A bottom scene is kept while its Geometry lives
-// (checked whenever a top scene is added, and by forget_unused) or a scene uses it. A static top scene is kept while an EmbreeScene or a map taker
-// uses it. Nothing is built under a lock.
+// Owns the RTCDevice, the bottom scenes and the static top scenes. Thread-safe. A bottom scene is kept while its
+// Geometry lives (checked whenever a top scene is added, and by forget_unused) or a scene uses it. A static top scene
+// is kept while an EmbreeScene or a map taker uses it. Nothing is built under a lock.
 class EmbreeDevice {
  public:
   struct Impl;  // server/sample/embree_parts.h
@@ -58,8 +61,8 @@ struct RayHit {
 struct RayFilter {
   uint32_t layer_mask = 0xFFFFFFFF;
   std::span<const uint32_t> ignored_slots = {};  // ascending
-  uint32_t only_slot = UINT32_MAX;          // when set, everything else is transparent
-  bool ahead = false;                       // place moving instances where they will be in take_in's ahead_s
+  uint32_t only_slot = UINT32_MAX;               // when set, everything else is transparent
+  bool ahead = false;                            // place moving instances where they will be in take_in's ahead_s
 };
 
 // One mirror's scene. `take_in` after every change of the mirror; then any number of threads may trace at once.

@@ -34,8 +34,8 @@ struct Frame {
   glm::dvec2 high{-std::numeric_limits<double>::infinity()};
 };
 
-// An image of the geometry. Its coordinates lie on a plane across the view direction, at unit distance from the viewer; for a parallel
-// projection they are in bounding radii.
+// An image of the geometry. Its coordinates lie on a plane across the view direction, at unit distance from the viewer;
+// for a parallel projection they are in bounding radii.
 class Picture {
  public:
   Picture(const Geometry& geometry, const ExtentView& view)
@@ -76,8 +76,7 @@ class Picture {
   // The frame around all vertices of triangles. Those outside the bounding sphere belong to none.
   void fit(const std::vector<glm::vec3>& positions) {
     for (const glm::vec3& p : positions) {
-      const glm::dvec3 seen =
-          (glm::dvec3(p) - center_) * rotation_ / radius_;  // by the transpose of the rotation
+      const glm::dvec3 seen = (glm::dvec3(p) - center_) * rotation_ / radius_;  // by the transpose of the rotation
       if (glm::dot(seen, seen) > kInSphere) continue;
       const glm::dvec2 image = glm::dvec2(seen) / (parallel_ ? 1.0 : distance_ - seen.z);
       frame_.low = glm::min(frame_.low, image), frame_.high = glm::max(frame_.high, image);
@@ -93,8 +92,8 @@ class Picture {
 };
 
 // Tries random points of the frame until one hits.
-std::optional<glm::dvec2> first_point(const RayCaster& caster, const Picture& picture,
-                                      CounterRandom& random, WorkLimit::Part& work) {
+std::optional<glm::dvec2> first_point(const RayCaster& caster, const Picture& picture, CounterRandom& random,
+                                      WorkLimit::Part& work) {
   for (size_t ray = 0; ray < kMaxRays && !work.ends(kUnitsOfRay); ++ray) {
     const double x = random.next_in(0.0, 1.0), y = random.next_in(0.0, 1.0);
     if (picture.cast(caster, picture.at({x, y})).hit()) return glm::dvec2(x, y);
@@ -107,12 +106,11 @@ struct Followed {
 };
 
 // Finds hits along the sequence from `start`; fewer than requested when the rays run out.
-Followed follow(const RayCaster& caster, const Picture& picture, const glm::dvec2& start,
-                std::span<glm::vec3> points, WorkLimit::Part& work) {
+Followed follow(const RayCaster& caster, const Picture& picture, const glm::dvec2& start, std::span<glm::vec3> points,
+                WorkLimit::Part& work) {
   Followed out;
   for (; out.rays < kMaxRays && !work.ends(kUnitsOfRay) && out.found < points.size(); ++out.rays) {
-    const SurfaceHit hit =
-        picture.cast(caster, picture.at(wrapped(start + kStep * static_cast<double>(out.rays))));
+    const SurfaceHit hit = picture.cast(caster, picture.at(wrapped(start + kStep * static_cast<double>(out.rays))));
     if (hit.hit()) points[out.found++] = glm::vec3(hit.point_m);
   }
   return out;
@@ -130,15 +128,14 @@ glm::dvec3 lattice_direction(size_t index) {
 size_t nearest_distance(double inverse) {
   size_t best = 0;
   for (size_t i = 1; i < kExtentDistances.size(); ++i)
-    if (std::abs(1.0 / kExtentDistances[i] - inverse) < std::abs(1.0 / kExtentDistances[best] - inverse))
-      best = i;
+    if (std::abs(1.0 / kExtentDistances[i] - inverse) < std::abs(1.0 / kExtentDistances[best] - inverse)) best = i;
   return best;
 }
 
 }  // namespace
 
-double sample_extent(const RayCaster& caster, const ExtentView& view, CounterRandom& random, std::span<glm::vec3> points,
-                     WorkLimit::Part& work) {
+double sample_extent(const RayCaster& caster, const ExtentView& view, CounterRandom& random,
+                     std::span<glm::vec3> points, WorkLimit::Part& work) {
   const Geometry& geometry = caster.geometry();
   Followed followed;
   double frame_m2 = 0;
@@ -155,7 +152,10 @@ double sample_extent(const RayCaster& caster, const ExtentView& view, CounterRan
 }
 
 ExtentTable::ExtentTable(const Geometry& geometry)
-    : center_m_(geometry.center), radius_m_(geometry.radius_m), points_m_(kExtentViews * kExtentPoints), areas_m2_(kExtentViews) {
+    : center_m_(geometry.center),
+      radius_m_(geometry.radius_m),
+      points_m_(kExtentViews * kExtentPoints),
+      areas_m2_(kExtentViews) {
   for (size_t i = 0; i < kExtentDirections; ++i) directions_[i] = lattice_direction(i);
 }
 
@@ -165,8 +165,8 @@ std::shared_ptr<const ExtentTable> ExtentTable::build(const Geometry& geometry, 
   const RayCaster caster(geometry);
   for (size_t index = 0; index < kExtentViews; ++index) {
     CounterRandom random(seed ^ geometry.hash.low, index, RandomPurpose::kExtentPoints);
-    table->areas_m2_[index] = sample_extent(caster, view(index), random,
-                                            std::span(table->points_m_).subspan(index * kExtentPoints, kExtentPoints), work);
+    table->areas_m2_[index] = sample_extent(
+        caster, view(index), random, std::span(table->points_m_).subspan(index * kExtentPoints, kExtentPoints), work);
     if (work.ends()) return nullptr;
   }
   return table;
@@ -183,8 +183,7 @@ size_t ExtentTable::view_index(const glm::dvec3& viewer_mesh_m) const {
   size_t nearest = 0;
   double most = -std::numeric_limits<double>::infinity();
   for (size_t i = 0; i < kExtentDirections; ++i)
-    if (const double closeness = glm::dot(directions_[i], along); closeness > most)
-      most = closeness, nearest = i;
+    if (const double closeness = glm::dot(directions_[i], along); closeness > most) most = closeness, nearest = i;
   return nearest_distance(inverse) * kExtentDirections + nearest;
 }
 
@@ -196,8 +195,7 @@ std::span<const glm::vec3> ExtentTable::points(const glm::dvec3& viewer_mesh_m) 
   return points_of_view(view_index(viewer_mesh_m));
 }
 
-std::span<const glm::vec3> ExtentTable::points_blended(const glm::dvec3& viewer_mesh_m,
-                                                       const glm::dvec2& unit) const {
+std::span<const glm::vec3> ExtentTable::points_blended(const glm::dvec3& viewer_mesh_m, const glm::dvec2& unit) const {
   // The cone that has one direction's share of the sphere: 4 pi / kExtentDirections = 2 pi (1 - cosine).
   constexpr double kCosine = 1.0 - 2.0 / kExtentDirections;
   const double tangent = std::sqrt(1.0 - kCosine * kCosine) / kCosine;
@@ -209,8 +207,7 @@ std::span<const glm::vec3> ExtentTable::points_blended(const glm::dvec3& viewer_
   return points(viewer_mesh_m + away * (frame[0] * std::cos(angle) + frame[1] * std::sin(angle)));
 }
 
-void pick_points(std::span<const glm::vec3> points, uint64_t tick, size_t count,
-                 std::vector<glm::vec3>& out) {
+void pick_points(std::span<const glm::vec3> points, uint64_t tick, size_t count, std::vector<glm::vec3>& out) {
   out.clear();
   if (points.empty()) return;
   const size_t size = points.size(), picked = std::min(count, size);
@@ -241,7 +238,8 @@ std::shared_ptr<const ExtentTable> ExtentCache::get(const std::shared_ptr<const 
 
 // Those that wait must be told in any case.
 std::shared_ptr<const ExtentTable> ExtentCache::build(const std::shared_ptr<const Geometry>& geometry,
-                                                      std::promise<std::shared_ptr<const ExtentTable>>& built, WorkLimit* work) {
+                                                      std::promise<std::shared_ptr<const ExtentTable>>& built,
+                                                      WorkLimit* work) {
   std::shared_ptr<const ExtentTable> table;
   const auto tell = [&] {
     if (!table) {
@@ -263,8 +261,7 @@ std::shared_ptr<const ExtentTable> ExtentCache::build(const std::shared_ptr<cons
 bool ExtentCache::has(const Geometry& geometry) const {
   const std::lock_guard lock(mutex_);
   const auto found = by_key_.find(geometry.key);
-  return found != by_key_.end() &&
-         found->second.table.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
+  return found != by_key_.end() && found->second.table.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
 }
 
 size_t ExtentCache::count() const {

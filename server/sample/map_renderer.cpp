@@ -47,8 +47,7 @@ int power_of_two_at_least(int value) {
 }
 
 tl::unexpected<Error> no_memory(const char* what) {
-  return fail(ErrorCode::kResourceExhausted, "",
-              std::string("the OpenGL device has no memory for ").append(what));
+  return fail(ErrorCode::kResourceExhausted, "", std::string("the OpenGL device has no memory for ").append(what));
 }
 
 void set_viewports(std::span<const MapSize> sizes) {
@@ -155,15 +154,13 @@ Result<const MapRenderer::Target*> MapRenderer::target_of(int width, int height,
   layers = power_of_two_at_least(std::max(layers, 4));
   for (const Target& target : targets_)
     if (target.width == width && target.height == height && target.layers == layers) return &target;
-  Target target{
-      width, height, layers, GlTexture2dArray::create(), GlTexture2dArray::create(), GlFramebuffer::create()};
+  Target target{width, height, layers, GlTexture2dArray::create(), GlTexture2dArray::create(), GlFramebuffer::create()};
   glTextureStorage3D(target.color.name(), 1, GL_R32UI, width, height, layers);
   glTextureStorage3D(target.depth.name(), 1, GL_DEPTH_COMPONENT32F, width, height, layers);
   const GLuint framebuffer = target.framebuffer.name();
   glNamedFramebufferTexture(framebuffer, GL_COLOR_ATTACHMENT0, target.color.name(), 0);
   glNamedFramebufferTexture(framebuffer, GL_DEPTH_ATTACHMENT, target.depth.name(), 0);
-  if (glCheckNamedFramebufferStatus(framebuffer, GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
-    return no_memory("maps");
+  if (glCheckNamedFramebufferStatus(framebuffer, GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE) return no_memory("maps");
   targets_.push_back(std::move(target));
   return &targets_.back();
 }

@@ -1,17 +1,20 @@
-// Renders draw lists with OpenGL. Each map is drawn into its own layer of an array texture, with its own viewport in the
-// layer's lower left corner. Its texels therefore do not depend on the other maps. A texel holds the number of the triangle
-// that its sample point shows. Distances are computed on the CPU in double (seen_triangle.h): a rasteriser that rounds vertices
-// to 1/256 pixel and interpolates in single precision errs on steeply slanted triangles.
+// Renders draw lists with OpenGL. Each map is drawn into its own layer of an array texture, with its own viewport in
+// the layer's lower left corner. Its texels therefore do not depend on the other maps. A texel holds the number of the
+// triangle that its sample point shows. Distances are computed on the CPU in double (seen_triangle.h): a rasteriser
+// that rounds vertices to 1/256 pixel and interpolates in single precision errs on steeply slanted triangles.
 //
-// All maps of a submission are one draw call. They are read back through a ring of pixel buffers with fences, so that the CPU searches
-// the next maps while a GPU draws these. Measured over a city of 280 K triangles on llvmpipe (CPU time for 2, 16 and 64 maps of 7 x 7):
+// All maps of a submission are one draw call. They are read back through a ring of pixel buffers with fences, so that
+// the CPU searches the next maps while a GPU draws these. Measured over a city of 280 K triangles on llvmpipe (CPU time
+// for 2, 16 and 64 maps of 7 x 7):
 //   this way                                  0.12  0.83  2.3 ms
 //   read back at once, without the ring       0.11  0.81  2.5 ms
 //   a draw call for each map                  0.12  0.85  2.5 ms
-//   whole clusters from a device buffer       4.2   51    210 ms; finding them (0.10, 1.1, 5.2 ms) takes the CPU longer than finding the
-//                                             single triangles (0.06, 0.53, 1.4 ms), so no GPU can make this way the faster one
-// On an NVIDIA H100 this way is slower than Embree, since the search for the triangles takes longer than all rays of the maps (tests/results/speed/gpu.md).
-// The other ways have not been measured on a GPU.
+//   whole clusters from a device buffer       4.2   51    210 ms; finding them (0.10, 1.1, 5.2 ms) takes the CPU longer
+//   than finding the
+//                                             single triangles (0.06, 0.53, 1.4 ms), so no GPU can make this way the
+//                                             faster one
+// On an NVIDIA H100 this way is slower than Embree, since the search for the triangles takes longer than all rays of
+// the maps (tests/results/speed/gpu.md). The other ways have not been measured on a GPU.
 #pragma once
 
 #include <array>
@@ -31,8 +34,8 @@ struct MapSize {
   int width = 0, height = 0;
 };
 
-// The texels of some maps: texel (x, y) of map i is texels[(i * height + y) * width + x]. Its value is 0 where nothing is seen, otherwise
-// the index of a triangle in the draw list plus one.
+// The texels of some maps: texel (x, y) of map i is texels[(i * height + y) * width + x]. Its value is 0 where nothing
+// is seen, otherwise the index of a triangle in the draw list plus one.
 struct TexelLayers {
   const uint32_t* texels = nullptr;
   int width = 0, height = 0;
@@ -49,8 +52,8 @@ class MapRenderer {
   // The most submissions that may wait to be collected.
   static constexpr size_t kMaxInFlight = 3;
 
-  // Starts drawing a list that is not empty; sizes[i] is the size of its map i. Fails with kResourceExhausted when the device has
-  // no memory.
+  // Starts drawing a list that is not empty; sizes[i] is the size of its map i. Fails with kResourceExhausted when the
+  // device has no memory.
   Status submit(const DrawList& list, std::span<const MapSize> sizes);
   // Waits for the oldest submission that is not collected. The result is valid until the next call of submit.
   Result<TexelLayers> collect();

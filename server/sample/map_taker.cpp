@@ -93,8 +93,8 @@ Status MapTaker::collect(MapRenderer& renderer, const Chunk& chunk) const {
   if (!layers) return tl::unexpected(layers.error());
   for (size_t i = 0; i < chunk.count; ++i) {
     const Item& item = items_[chunk.first + i];
-    resolve_map(chunk.list, layers->texels + i * static_cast<size_t>(layers->width) * layers->height,
-                layers->width, item.job->maps[item.map]);
+    resolve_map(chunk.list, layers->texels + i * static_cast<size_t>(layers->width) * layers->height, layers->width,
+                item.job->maps[item.map]);
   }
   return {};
 }

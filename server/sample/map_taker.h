@@ -26,8 +26,8 @@ class MapTaker {
  public:
   // Searches for what the first maps show: the part of a take that needs no renderer.
   void prepare(std::span<const MapJob> jobs);
-  // Takes the maps of the prepared jobs. May be called again after a failure, with the same renderer or another one. The renderer's
-  // context must be current.
+  // Takes the maps of the prepared jobs. May be called again after a failure, with the same renderer or another one.
+  // The renderer's context must be current.
   Status take(MapRenderer& renderer);
 
  private:
@@ -48,7 +48,7 @@ class MapTaker {
   std::vector<Item> items_;
   size_t chunk_count_ = 0;
   std::array<Chunk, MapRenderer::kMaxInFlight> chunks_;  // chunk k is at k % kMaxInFlight
-  size_t searched_ = 0;  // chunks so far; the last one may not have been drawn
+  size_t searched_ = 0;                                  // chunks so far; the last one may not have been drawn
   SampleSearch search_;
 };
 

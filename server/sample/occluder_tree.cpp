@@ -16,13 +16,13 @@ float rounded_up(double value) {
 }
 
 void grow(Aabb& box, const glm::dvec3& center_m, double radius_m) {
-  box.grow({rounded_down(center_m.x - radius_m), rounded_down(center_m.y - radius_m),
-            rounded_down(center_m.z - radius_m)});
-  box.grow({rounded_up(center_m.x + radius_m), rounded_up(center_m.y + radius_m),
-            rounded_up(center_m.z + radius_m)});
+  box.grow(
+      {rounded_down(center_m.x - radius_m), rounded_down(center_m.y - radius_m), rounded_down(center_m.z - radius_m)});
+  box.grow({rounded_up(center_m.x + radius_m), rounded_up(center_m.y + radius_m), rounded_up(center_m.z + radius_m)});
 }
 
-// A request looks at now, at `ahead_s`, or at a time between: the box holds them all. An instance that turns goes round its own origin.
+// A request looks at now, at `ahead_s`, or at a time between: the box holds them all. An instance that turns goes round
+// its own origin.
 void gather(const Instance& instance, uint32_t slot, double ahead_s, std::vector<Occluder>& into) {
   if (!instance.geometry || !instance.occludes() || instance.geometry->occluding_index_count == 0) return;
   Occluder occluder{.bounds = {}, .slot = slot, .layers = instance.attributes.layers};

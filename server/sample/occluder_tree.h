@@ -1,5 +1,5 @@
-// Trees of boxes over the occluding instances of a mirror, so that the cost of finding those in a map's window grows with the logarithm
-// of their number.
+// Trees of boxes over the occluding instances of a mirror, so that the cost of finding those in a map's window grows
+// with the logarithm of their number.
 #pragma once
 
 #include <cstdint>

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numbers>
 
-
 namespace sightline {
 namespace {
 
@@ -13,16 +12,16 @@ glm::dmat3 frame_along(const glm::dvec3& forward) {
   return glm::mat3_cast(look_rotation(forward, {0, 1, 0}, {1, 0, 0}));
 }
 
-// True when the ball reaches into the 90-degree pyramid of a cube face, tested against the four side planes through the eye.
-// Conservative near the edges of the pyramid, which costs one map at worst.
+// True when the ball reaches into the 90-degree pyramid of a cube face, tested against the four side planes through the
+// eye. Conservative near the edges of the pyramid, which costs one map at worst.
 bool face_sees_ball(const glm::dmat3& world_from_view, const glm::dvec3& center_from_eye_m, double radius_m) {
   const glm::dvec3 c = center_from_eye_m * world_from_view;
   const double depth = -c.z, reach = radius_m * std::sqrt(2.0);
   return depth - std::abs(c.x) > -reach && depth - std::abs(c.y) > -reach && depth > -radius_m;
 }
 
-MapView square_view(const glm::dvec3& eye_m, const glm::dmat3& world_from_view, double half_width,
-                    int resolution, const glm::dvec2& jitter) {
+MapView square_view(const glm::dvec3& eye_m, const glm::dmat3& world_from_view, double half_width, int resolution,
+                    const glm::dvec2& jitter) {
   MapView view;
   view.eye_m = eye_m;
   view.world_from_view = world_from_view;
@@ -51,15 +50,16 @@ int map_resolution(const SampleSettings& settings, const Bound& bound) {
   if (settings.density_per_m3 <= 0) return settings.resolution;
   const double volume_m3 = 4.0 / 3.0 * std::numbers::pi * bound.radius_m * bound.radius_m * bound.radius_m;
   const double wanted = std::ceil(std::cbrt(settings.density_per_m3 * volume_m3));
-  return static_cast<int>(std::clamp<double>(wanted, kLeastResolution, std::max(settings.resolution, kLeastResolution)));
+  return static_cast<int>(
+      std::clamp<double>(wanted, kLeastResolution, std::max(settings.resolution, kLeastResolution)));
 }
 
 int face_resolution(int resolution) {
   return std::max(kLeastResolution, static_cast<int>(std::lround(resolution / std::tan(kMaxHalfAngleRad))));
 }
 
-int plan_views(const glm::dvec3& eye_m, const Bound& bound, const SampleSettings& settings,
-               const glm::dvec2& jitter, std::vector<MapView>& views) {
+int plan_views(const glm::dvec3& eye_m, const Bound& bound, const SampleSettings& settings, const glm::dvec2& jitter,
+               std::vector<MapView>& views) {
   const glm::dvec3 to_center = bound.center_m - eye_m;
   const double distance = glm::length(to_center);
   if (bound.radius_m < distance * std::sin(kMaxHalfAngleRad)) {

@@ -34,7 +34,8 @@ void SampleSearch::append_map(const OccluderTable& table, const SceneMirror& mir
 
 void SampleSearch::hide_beyond_far() {
   const MapView& view = request_->view;
-  hidden_from_m_.assign(static_cast<size_t>(view.width) * view.height, static_cast<float>(request_->far_m * (1.0 + kHidingMargin)));
+  hidden_from_m_.assign(static_cast<size_t>(view.width) * view.height,
+                        static_cast<float>(request_->far_m * (1.0 + kHidingMargin)));
 }
 
 bool SampleSearch::later(const Waiting& a, const Waiting& b) {
@@ -71,8 +72,7 @@ bool SampleSearch::pop_nearest(Waiting& nearest) {
 void SampleSearch::open_scene_node(const OccluderTree& tree, const BoxTest& test, const Waiting& waiting) {
   const TreeNode& node = tree.nodes[waiting.node];
   if (node.is_leaf()) {
-    for (uint32_t i = node.first_index; i < node.first_index + node.index_count; ++i)
-      consider(tree.occluders[i], test);
+    for (uint32_t i = node.first_index; i < node.first_index + node.index_count; ++i) consider(tree.occluders[i], test);
   } else {
     push(test, tree.nodes, waiting.owner, waiting.node + 1);
     push(test, tree.nodes, waiting.owner, node.right);
@@ -87,12 +87,10 @@ void SampleSearch::consider(const Occluder& occluder, const BoxTest& test) {
   if (!test.may_show(occluder.bounds, where)) return;
   if (!test.may_show_unhidden(occluder.bounds, where, hidden_from_m_.data())) return;
   const Instance& instance = mirror_->instances()[occluder.slot];
-  const ClipRows rows =
-      clip_rows(clip_, request_->view, world_from_instance_ahead(instance, request_->ahead_s));
-  candidates_.push_back({BoxTest(sample_grid(rows, request_->view), instance.geometry->bounds), rows,
-                         &instance, occluder.slot, UINT32_MAX});
-  push(candidates_.back().test, instance.geometry->occluding, static_cast<uint32_t>(candidates_.size() - 1),
-       0);
+  const ClipRows rows = clip_rows(clip_, request_->view, world_from_instance_ahead(instance, request_->ahead_s));
+  candidates_.push_back({BoxTest(sample_grid(rows, request_->view), instance.geometry->bounds), rows, &instance,
+                         occluder.slot, UINT32_MAX});
+  push(candidates_.back().test, instance.geometry->occluding, static_cast<uint32_t>(candidates_.size() - 1), 0);
 }
 
 void SampleSearch::open_geometry_node(const Waiting& waiting) {
@@ -109,13 +107,11 @@ void SampleSearch::open_geometry_node(const Waiting& waiting) {
 
 void SampleSearch::test_cluster(uint32_t candidate, const TreeNode& cluster) {
   const BoxTest& test = candidates_[candidate].test;
-  read_triangles(*candidates_[candidate].instance->geometry, cluster.first_index, cluster.index_count,
-                 block_);
+  read_triangles(*candidates_[candidate].instance->geometry, cluster.first_index, cluster.index_count, block_);
   project_triangles(test.grid(), test.slack(), block_);
   uncertain_.clear();
   for (int i = 0; i < block_.count; ++i)
-    if (block_.x0[i] <= block_.x1[i])
-      test_samples(candidate, cluster.first_index + 3 * static_cast<uint32_t>(i), i);
+    if (block_.x0[i] <= block_.x1[i]) test_samples(candidate, cluster.first_index + 3 * static_cast<uint32_t>(i), i);
   hide_behind_neighbours();
 }
 
@@ -146,8 +142,7 @@ void SampleSearch::hide_behind_neighbours() {
     const auto end = std::find_if(first, uncertain_.end(),
                                   [&](const SampleCover& c) { return c.sample != first->sample; });
     float& hidden_from_m = hidden_from_m_[first->sample];
-    if (end - first > 1)
-      hidden_from_m = std::min(hidden_from_m, covered_together_from_m(block_, {first, end}));
+    if (end - first > 1) hidden_from_m = std::min(hidden_from_m, covered_together_from_m(block_, {first, end}));
     first = end;
   }
 }
@@ -156,8 +151,7 @@ void SampleSearch::hide_behind_neighbours() {
 void SampleSearch::collect_unhidden() {
   for (const Hit& hit : hits_) {
     if (hidden_from_m_[hit.sample] < hit.nearest_m) continue;
-    if (!shown_.empty() && shown_.back().candidate == hit.candidate &&
-        shown_.back().first_index == hit.first_index)
+    if (!shown_.empty() && shown_.back().candidate == hit.candidate && shown_.back().first_index == hit.first_index)
       continue;
     shown_.push_back({candidates_[hit.candidate].slot, hit.candidate, hit.first_index});
   }
@@ -171,9 +165,9 @@ void SampleSearch::draw_shown(DrawList& list) {
     Candidate& candidate = candidates_[shown.candidate];
     if (candidate.drawn_as == UINT32_MAX) {
       candidate.drawn_as = static_cast<uint32_t>(list.instances.size());
-      list.instances.push_back({glm::vec4(candidate.rows.x), glm::vec4(candidate.rows.y),
-                                glm::vec4(candidate.rows.w), static_cast<float>(request_->view.near_m),
-                                list.map_count, candidate.instance, candidate.slot});
+      list.instances.push_back({glm::vec4(candidate.rows.x), glm::vec4(candidate.rows.y), glm::vec4(candidate.rows.w),
+                                static_cast<float>(request_->view.near_m), list.map_count, candidate.instance,
+                                candidate.slot});
     }
     list.triangles.push_back({candidate.drawn_as, shown.first_index});
   }

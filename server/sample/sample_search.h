@@ -1,6 +1,6 @@
-// Finds the triangles that the sample points of a map may show, front to back. The nearest box of all trees is opened first. A
-// box behind surfaces that are known to cover all its samples is never opened. The cost is proportional to what is seen and
-// grows with the logarithm of the rest.
+// Finds the triangles that the sample points of a map may show, front to back. The nearest box of all trees is opened
+// first. A box behind surfaces that are known to cover all its samples is never opened. The cost is proportional to
+// what is seen and grows with the logarithm of the rest.
 #pragma once
 
 #include <cstdint>
@@ -17,8 +17,9 @@ namespace sightline {
 // Reusable scratch. Single-threaded.
 class SampleSearch {
  public:
-  // Appends to `list` one more map: a superset of the triangles that its samples show, to within kSampleMarginTexels and
-  // kHidingMargin, of those that are no deeper than request.far_m. `table` has taken in `mirror` as it is, up to request.ahead_s.
+  // Appends to `list` one more map: a superset of the triangles that its samples show, to within kSampleMarginTexels
+  // and kHidingMargin, of those that are no deeper than request.far_m. `table` has taken in `mirror` as it is, up to
+  // request.ahead_s.
   void append_map(const OccluderTable& table, const SceneMirror& mirror, const MapRequest& request, DrawList& list);
 
  private:
@@ -66,8 +67,9 @@ class SampleSearch {
   const MapRequest* request_ = nullptr;
   ClipMap clip_{};
   std::vector<Candidate> candidates_;
-  std::vector<Waiting> waiting_;      // a heap, the nearest first
-  std::optional<Waiting> ready_;      // often the nearest node of all, so it enters the heap only when another is nearer
+  std::vector<Waiting> waiting_;  // a heap, the nearest first
+  // often the nearest node of all, so it enters the heap only when another is nearer
+  std::optional<Waiting> ready_;
   std::vector<float> hidden_from_m_;  // by sample
   std::vector<Hit> hits_;
   std::vector<Shown> shown_;

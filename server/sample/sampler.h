@@ -1,5 +1,6 @@
-// The interface of the samplers, which take depth maps: EGL/OpenGL renders them, Embree casts rays. Both give the same maps within a
-// tolerance (tests/sample): distances differ by at most 1e-4 relative, and texels only where a silhouette passes through them.
+// The interface of the samplers, which take depth maps: EGL/OpenGL renders them, Embree casts rays. Both give the same
+// maps within a tolerance (tests/sample): distances differ by at most 1e-4 relative, and texels only where a silhouette
+// passes through them.
 #pragma once
 
 #include <memory>
@@ -13,18 +14,19 @@
 
 namespace sightline {
 
-// Takes maps of one session's mirror. Not thread-safe, but not bound to a thread. Keeps data derived from the mirror between calls and
-// updates only what has changed.
+// Takes maps of one session's mirror. Not thread-safe, but not bound to a thread. Keeps data derived from the mirror
+// between calls and updates only what has changed.
 class Sampler {
  public:
   virtual ~Sampler() = default;
 
-  // Takes maps[i] for requests[i]. Every instance that occludes (Instance::occludes) appears at its current transform, two-sided. `maps`
-  // is resized and its memory reused. On Error (kUnavailable: the device was lost and could not be rebuilt) `maps` is unspecified, and
-  // the next call may succeed. All calls of one sampler must use the same mirror.
+  // Takes maps[i] for requests[i]. Every instance that occludes (Instance::occludes) appears at its current transform,
+  // two-sided. `maps` is resized and its memory reused. On Error (kUnavailable: the device was lost and could not be
+  // rebuilt) `maps` is unspecified, and the next call may succeed. All calls of one sampler must use the same mirror.
   virtual Status take(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) = 0;
 
-  // Derives what it can from the mirror, so that the next take need not: with very many triangles that takes long. Does nothing by default.
+  // Derives what it can from the mirror, so that the next take need not: with very many triangles that takes long. Does
+  // nothing by default.
   virtual void prepare(const SceneMirror&) {}
 
   // Maps taken since creation. Tests use it to show that shared maps are taken once.
@@ -48,8 +50,8 @@ class SamplerDevice {
  public:
   virtual ~SamplerDevice() = default;
   virtual std::unique_ptr<Sampler> make_sampler() = 0;
-  // Like Sampler::take for every job, in any order; no two jobs may have the same sampler. A device on which submissions are expensive
-  // takes them together.
+  // Like Sampler::take for every job, in any order; no two jobs may have the same sampler. A device on which
+  // submissions are expensive takes them together.
   virtual void take_all(std::span<TakeJob> jobs) {
     for (TakeJob& job : jobs) job.taken = job.sampler->take(*job.mirror, job.requests, *job.maps);
   }

@@ -7,10 +7,13 @@ namespace sightline {
 Result<SamplerDecision> decide_sampler(SamplerChoice asked, const EglOptions& options, const FindEgl& find) {
   if (asked != SamplerChoice::kAuto) return SamplerDecision{asked, "asked for with --sampler"};
   if (!options.require_gpu && options.device_index < 0)
-    return SamplerDecision{SamplerChoice::kEmbree, "it was faster than OpenGL on every machine measured, also on a GPU"};
+    return SamplerDecision{SamplerChoice::kEmbree,
+                           "it was faster than OpenGL on every machine measured, also on a GPU"};
   const Result<EglDeviceInfo> egl = find();
   if (!egl) return tl::unexpected(egl.error());
-  return SamplerDecision{SamplerChoice::kEgl, (options.require_gpu ? "--require-gpu asks for OpenGL: " : "--egl-device asks for OpenGL: ") + egl->renderer};
+  return SamplerDecision{
+      SamplerChoice::kEgl,
+      (options.require_gpu ? "--require-gpu asks for OpenGL: " : "--egl-device asks for OpenGL: ") + egl->renderer};
 }
 
 Result<ChosenSampler> choose_sampler_device(SamplerChoice asked, const EglOptions& options, size_t threads,

@@ -1,5 +1,6 @@
-// Chooses the sampler. That is Embree, which needs no OpenGL. It was faster on every machine measured, also on one with an NVIDIA H100
-// (tests/results/speed/gpu.md). A map has so few texels that finding the triangles to draw takes longer than all its rays.
+// Chooses the sampler. That is Embree, which needs no OpenGL. It was faster on every machine measured, also on one with
+// an NVIDIA H100 (tests/results/speed/gpu.md). A map has so few texels that finding the triangles to draw takes longer
+// than all its rays.
 #pragma once
 
 #include <chrono>
@@ -22,8 +23,8 @@ struct SamplerDecision {
 // Returns the device that EGL would use, as choose_egl_device does.
 using FindEgl = std::function<Result<EglDeviceInfo>()>;
 
-// kEgl and kEmbree are taken as asked. kAuto takes Embree, unless `options` name a device or require a GPU: then it takes EGL, and
-// returns the error of `find` when that device cannot be used. `find` is called only then.
+// kEgl and kEmbree are taken as asked. kAuto takes Embree, unless `options` name a device or require a GPU: then it
+// takes EGL, and returns the error of `find` when that device cannot be used. `find` is called only then.
 Result<SamplerDecision> decide_sampler(SamplerChoice asked, const EglOptions& options, const FindEgl& find);
 
 struct ChosenSampler {

@@ -1,5 +1,5 @@
-// Computes in double how far a triangle is along a texel's ray. The rasteriser decides which triangle is seen; its distance follows from
-// the geometry.
+// Computes in double how far a triangle is along a texel's ray. The rasteriser decides which triangle is seen; its
+// distance follows from the geometry.
 #pragma once
 
 #include <array>
@@ -15,12 +15,14 @@ namespace sightline {
 class SeenTriangle {
  public:
   SeenTriangle() = default;
-  // `vertex` is the position of any of its vertices in Geometry::indices. The instance is placed where it is in `ahead_s` seconds.
+  // `vertex` is the position of any of its vertices in Geometry::indices. The instance is placed where it is in
+  // `ahead_s` seconds.
   SeenTriangle(const MapView& view, const Instance& instance, double ahead_s, uint32_t vertex);
 
-  // Depth along the view axis at which the ray hits the triangle, in multiples of `direction`, whose depth is one. Rasterisers round
-  // vertices (llvmpipe to 1/256 pixel), so the ray may pass just beside the triangle. Then the instance's other triangles at about that
-  // depth are tested; when none is hit, the depth of this triangle's edge is returned.
+  // Depth along the view axis at which the ray hits the triangle, in multiples of `direction`, whose depth is one.
+  // Rasterisers round vertices (llvmpipe to 1/256 pixel), so the ray may pass just beside the triangle. Then the
+  // instance's other triangles at about that depth are tested; when none is hit, the depth of this triangle's edge is
+  // returned.
   double depth_along(const glm::dvec3& direction) const;
 
  private:

@@ -21,7 +21,8 @@ float greatest(float a, float b, float c) {
   return ab > c ? ab : c;
 }
 
-// The first and last whole number in [0, end] that lie within `slack` of [low, high], as numbers with a fraction of zero.
+// The first and last whole number in [0, end] that lie within `slack` of [low, high], as numbers with a fraction of
+// zero.
 struct WholeRange {
   float first, last;
 };
@@ -32,8 +33,7 @@ WholeRange whole_between(float low, float high, float slack, float end) {
 
 bool same_position(const TriangleBlock& block, int triangle_a, int corner_a, int triangle_b, int corner_b) {
   for (int axis = 0; axis < 3; ++axis)
-    if (block.position[corner_a][axis][triangle_a] != block.position[corner_b][axis][triangle_b])
-      return false;
+    if (block.position[corner_a][axis][triangle_a] != block.position[corner_b][axis][triangle_b]) return false;
   return true;
 }
 
@@ -50,8 +50,7 @@ bool share_edge(const TriangleBlock& block, int triangle, int k, int other) {
 
 }  // namespace
 
-void read_triangles(const Geometry& geometry, uint32_t first_index, uint32_t index_count,
-                    TriangleBlock& block) {
+void read_triangles(const Geometry& geometry, uint32_t first_index, uint32_t index_count, TriangleBlock& block) {
   block.count = static_cast<int>(index_count / 3);
   const uint32_t* index = geometry.indices.data() + first_index;
   for (int i = 0; i < block.count; ++i)
@@ -61,8 +60,7 @@ void read_triangles(const Geometry& geometry, uint32_t first_index, uint32_t ind
     }
 }
 
-SIGHTLINE_VECTOR_CLONES void project_triangles(const SampleGrid& grid, const GridSlack& slack,
-                                               TriangleBlock& block) {
+SIGHTLINE_VECTOR_CLONES void project_triangles(const SampleGrid& grid, const GridSlack& slack, TriangleBlock& block) {
   const int count = block.count;
   const glm::vec4 to_x = grid.x, to_y = grid.y, to_w = grid.w;  // copies: the block cannot overlap them
   for (int corner = 0; corner < 3; ++corner)
@@ -94,20 +92,16 @@ SIGHTLINE_VECTOR_CLONES void project_triangles(const SampleGrid& grid, const Gri
     const float nearest = least(w0, w1, w2) - slack_w, farthest = greatest(w0, w1, w2) + slack_w;
     const bool bounded = nearest >= 0.5f * near_m;
     // 1 keeps the arithmetic finite for unbounded triangles, which do not use it.
-    const float v0 = 1.0f / (bounded ? w0 : 1.0f), v1 = 1.0f / (bounded ? w1 : 1.0f),
-                v2 = 1.0f / (bounded ? w2 : 1.0f);
+    const float v0 = 1.0f / (bounded ? w0 : 1.0f), v1 = 1.0f / (bounded ? w1 : 1.0f), v2 = 1.0f / (bounded ? w2 : 1.0f);
     const float per_depth = 1.0f / (bounded ? nearest : 1.0f);
     const float ax = block.x[0][i] * v0, bx = block.x[1][i] * v1, cx = block.x[2][i] * v2;
     const float ay = block.y[0][i] * v0, by = block.y[1][i] * v1, cy = block.y[2][i] * v2;
     const float low_x = least(ax, bx, cx), high_x = greatest(ax, bx, cx);
     const float low_y = least(ay, by, cy), high_y = greatest(ay, by, cy);
     const float far_x = -low_x > high_x ? -low_x : high_x, far_y = -low_y > high_y ? -low_y : high_y;
-    const WholeRange x =
-        whole_between(low_x, high_x, kMargin + (slack_x + far_x * slack_w) * per_depth, end_x);
-    const WholeRange y =
-        whole_between(low_y, high_y, kMargin + (slack_y + far_y * slack_w) * per_depth, end_y);
-    const bool none =
-        (farthest < near_m) | (bounded & ((x.last < x.first) | (y.last < y.first))) | (beside[i] != 0);
+    const WholeRange x = whole_between(low_x, high_x, kMargin + (slack_x + far_x * slack_w) * per_depth, end_x);
+    const WholeRange y = whole_between(low_y, high_y, kMargin + (slack_y + far_y * slack_w) * per_depth, end_y);
+    const bool none = (farthest < near_m) | (bounded & ((x.last < x.first) | (y.last < y.first))) | (beside[i] != 0);
     block.nearest_m[i] = nearest > near_m ? nearest : near_m;
     block.x0[i] = static_cast<int32_t>(none ? 1.0f : bounded ? x.first : 0.0f);
     block.x1[i] = static_cast<int32_t>(none ? 0.0f : bounded ? x.last : end_x);

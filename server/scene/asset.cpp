@@ -48,9 +48,8 @@ glm::dvec4 sample(const AssetChannel& channel, double time_s) {
   const std::vector<float>& times = channel.times_s;
   if (!(time_s > times.front())) return key_value(channel, 0);
   if (time_s >= times.back()) return key_value(channel, times.size() - 1);
-  const auto after = std::upper_bound(times.begin(), times.end(), time_s, [](double t, float key_time) {
-    return t < static_cast<double>(key_time);
-  });
+  const auto after = std::upper_bound(times.begin(), times.end(), time_s,
+                                      [](double t, float key_time) { return t < static_cast<double>(key_time); });
   const auto key = static_cast<size_t>(after - times.begin()) - 1;
   const double interval_s = static_cast<double>(times[key + 1]) - static_cast<double>(times[key]);
   const double s = (time_s - static_cast<double>(times[key])) / interval_s;
@@ -87,8 +86,7 @@ void apply(const AssetChannel& channel, double time_s, Placement& placement) {
     case AssetChannel::Path::kRotation: {
       // A cubic spline may pass through zero; there the rest rotation is as good as any.
       const double length = glm::length(v);
-      if (length > 1e-9)
-        placement.rotation = glm::dquat(v.w / length, v.x / length, v.y / length, v.z / length);
+      if (length > 1e-9) placement.rotation = glm::dquat(v.w / length, v.x / length, v.y / length, v.z / length);
       break;
     }
   }
@@ -120,12 +118,10 @@ std::vector<Affine> rest_world_from_node(const SceneAsset& asset) {
   return to_world(asset, std::move(parent_from_node));
 }
 
-std::vector<Affine> animated_world_from_node(const SceneAsset& asset, const AssetAnimation& animation,
-                                             double time_s) {
+std::vector<Affine> animated_world_from_node(const SceneAsset& asset, const AssetAnimation& animation, double time_s) {
   std::vector<Placement> placements;
   placements.reserve(asset.nodes.size());
-  for (const AssetNode& node : asset.nodes)
-    placements.push_back({node.translation_m, node.rotation, node.scale});
+  for (const AssetNode& node : asset.nodes) placements.push_back({node.translation_m, node.rotation, node.scale});
   for (const AssetChannel& channel : animation.channels)
     apply(channel, time_s, placements[static_cast<size_t>(channel.node)]);
   std::vector<Affine> parent_from_node;

@@ -1,5 +1,5 @@
-// A scene file as data. The glTF reader makes it; mirrors and scenario players are built from it. Immutable and shared once
-// loaded. Frame: glTF's own (the canonical one), metres.
+// A scene file as data. The glTF reader makes it; mirrors and scenario players are built from it. Immutable and shared
+// once loaded. Frame: glTF's own (the canonical one), metres.
 #pragma once
 
 #include <glm/glm.hpp>
@@ -17,11 +17,11 @@ namespace sightline {
 
 // How an instance takes part in visibility and collision (design 4).
 struct InstanceAttributes {
-  uint32_t layers = 1;      // bit set; a target's maps draw instances with (layers & target mask) != 0
-  float opacity = 1.0f;     // [0, 1]; below kOccludingOpacity it does not occlude
-  bool occludes = true;     // takes part in visibility
-  bool collides = true;     // the camera body may not pass through it
-  bool visible = true;      // false: hidden; neither occludes nor collides, keeps its id
+  uint32_t layers = 1;   // bit set; a target's maps draw instances with (layers & target mask) != 0
+  float opacity = 1.0f;  // [0, 1]; below kOccludingOpacity it does not occlude
+  bool occludes = true;  // takes part in visibility
+  bool collides = true;  // the camera body may not pass through it
+  bool visible = true;   // false: hidden; neither occludes nor collides, keeps its id
   bool operator==(const InstanceAttributes&) const = default;
 };
 
@@ -34,12 +34,12 @@ struct AssetNode {
   glm::dquat rotation{1.0, 0.0, 0.0, 0.0};
   glm::dvec3 scale{1.0};
   Affine parent_from_node = identity_affine();
-  bool decomposed = true;                 // the three values above say the same as parent_from_node
-  int mesh = -1;                          // index into meshes
-  int camera = -1;                        // index into cameras
-  std::vector<Affine> gpu_instances;      // EXT_mesh_gpu_instancing: node_from_instance of each; empty = one, identity
-  InstanceAttributes attributes;          // from extras.sightline {layers, opacity, occludes, collides, visible}
-  std::string extras_json;                // the node's `extras` as compact JSON; empty when absent
+  bool decomposed = true;             // the three values above say the same as parent_from_node
+  int mesh = -1;                      // index into meshes
+  int camera = -1;                    // index into cameras
+  std::vector<Affine> gpu_instances;  // EXT_mesh_gpu_instancing: node_from_instance of each; empty = one, identity
+  InstanceAttributes attributes;      // from extras.sightline {layers, opacity, occludes, collides, visible}
+  std::string extras_json;            // the node's `extras` as compact JSON; empty when absent
 };
 
 struct AssetCamera {
@@ -67,10 +67,10 @@ struct AssetAnimation {
 };
 
 struct SceneAsset {
-  ContentHash hash;                 // of the file's bytes and of every file it refers to
+  ContentHash hash;                                     // of the file's bytes and of every file it refers to
   std::vector<std::shared_ptr<const Geometry>> meshes;  // all primitives of a glTF mesh as one geometry; null if empty
   std::vector<std::string> mesh_names;
-  std::vector<AssetNode> nodes;     // of the default scene, else of the first; of all roots when there are no scenes
+  std::vector<AssetNode> nodes;  // of the default scene, else of the first; of all roots when there are no scenes
   std::vector<AssetCamera> cameras;
   std::vector<AssetAnimation> animations;
   std::vector<std::string> extensions_used;

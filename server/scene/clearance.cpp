@@ -10,13 +10,15 @@
 namespace sightline {
 namespace {
 
-// A sphere that overlaps by less than this counts as touching, so that a sphere that a sweep brought into contact can slide away.
+// A sphere that overlaps by less than this counts as touching, so that a sphere that a sweep brought into contact can
+// slide away.
 constexpr double kTouchM = 1e-9;
 // A sweep ends when a step is shorter than this; the error is then far below 1 mm.
 constexpr double kLeastAdvanceM = 1e-7;
 // The distance that a camera can move before static colliders are gathered again.
 constexpr double kGatheredFartherM = 4.0;
-// There is memory for so many moving colliders from the start. A camera that meets more of them than before does not allocate in the middle of a game.
+// There is memory for so many moving colliders from the start. A camera that meets more of them than before does not
+// allocate in the middle of a game.
 constexpr size_t kExpectedMovers = 256;
 
 glm::dvec3 closest_on_segment(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b) {
@@ -25,8 +27,7 @@ glm::dvec3 closest_on_segment(const glm::dvec3& p, const glm::dvec3& a, const gl
   return squared > 0 ? a + ab * std::clamp(glm::dot(p - a, ab) / squared, 0.0, 1.0) : a;
 }
 
-glm::dvec3 closest_on_edges(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b,
-                            const glm::dvec3& c) {
+glm::dvec3 closest_on_edges(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) {
   glm::dvec3 best = closest_on_segment(p, a, b);
   for (const glm::dvec3& q : {closest_on_segment(p, b, c), closest_on_segment(p, c, a)})
     if (glm::distance(p, q) < glm::distance(p, best)) best = q;
@@ -34,8 +35,7 @@ glm::dvec3 closest_on_edges(const glm::dvec3& p, const glm::dvec3& a, const glm:
 }
 
 double distance_to_box(const glm::dvec3& p, const Aabb& box) {
-  const glm::dvec3 outside =
-      glm::max(glm::max(glm::dvec3(box.min) - p, p - glm::dvec3(box.max)), glm::dvec3(0.0));
+  const glm::dvec3 outside = glm::max(glm::max(glm::dvec3(box.min) - p, p - glm::dvec3(box.max)), glm::dvec3(0.0));
   return glm::length(outside);
 }
 
@@ -83,11 +83,11 @@ Aabb bounds_of(const Corners& t) {
 
 using WorldTriangle = std::array<glm::dvec3, 3>;
 
-// The distance, at most `length_m`, that a point moves from `from` along unit `direction` before it is within `radius_m` of the triangle.
-// The distance of a moving point from a convex set is convex in time. So Newton's method from the left never passes the first
-// contact, and a distance that grows never shrinks again. This is conservative advancement with the directional bound (van den
-// Bergen, "Ray casting against general convex objects", 2004).
-// Adds the number of its steps to `steps`.
+// The distance, at most `length_m`, that a point moves from `from` along unit `direction` before it is within
+// `radius_m` of the triangle. The distance of a moving point from a convex set is convex in time. So Newton's method
+// from the left never passes the first contact, and a distance that grows never shrinks again. This is conservative
+// advancement with the directional bound (van den Bergen, "Ray casting against general convex objects", 2004). Adds the
+// number of its steps to `steps`.
 double advance(const glm::dvec3& from, const glm::dvec3& direction, double length_m, double radius_m,
                const WorldTriangle& triangle, uint64_t& steps) {
   double moved = 0.0;
@@ -115,21 +115,22 @@ double sweep_triangle(const glm::dvec3& from, const glm::dvec3& direction, doubl
   return advance(from, direction, length_m, radius_m, triangle, steps);
 }
 
-// The rays of is_inside point to a cube's faces and corners, opposite ones in turn. The cube is turned, so that no ray runs along a world
-// axis or a diagonal, on which edges of boxes lie.
+// The rays of is_inside point to a cube's faces and corners, opposite ones in turn. The cube is turned, so that no ray
+// runs along a world axis or a diagonal, on which edges of boxes lie.
 constexpr double kRayM = 2e4;
 constexpr int kMostOutside = 2;
 const std::array<glm::dvec3, 14> kRays = [] {
   const glm::dquat turn = glm::normalize(glm::dquat(0.9, 0.31, -0.17, 0.23));
   std::array<glm::dvec3, 14> rays;
   size_t n = 0;
-  for (const glm::dvec3& ray : {glm::dvec3(0, 1, 0), glm::dvec3(1, 0, 0), glm::dvec3(0, 0, 1), glm::dvec3(1, 1, 1), glm::dvec3(1, 1, -1),
-                                glm::dvec3(1, -1, 1), glm::dvec3(1, -1, -1)})
+  for (const glm::dvec3& ray : {glm::dvec3(0, 1, 0), glm::dvec3(1, 0, 0), glm::dvec3(0, 0, 1), glm::dvec3(1, 1, 1),
+                                glm::dvec3(1, 1, -1), glm::dvec3(1, -1, 1), glm::dvec3(1, -1, -1)})
     for (const double sign : {1.0, -1.0}) rays[n++] = turn * glm::normalize(sign * ray);
   return rays;
 }();
 
-// Where a ray passes through a triangle (Moeller & Trumbore, 1997), as a share of `move`; `leaves` if it meets the back.
+// Where a ray passes through a triangle (Moeller & Trumbore, 1997), as a share of `move`; `leaves` if it meets the
+// back.
 struct Crossing {
   bool hit = false, leaves = false;
   double share = 0.0;
@@ -174,8 +175,7 @@ void mark_beside(const Spheres& spheres, const glm::dvec3& from_m, const glm::dv
 
 }  // namespace
 
-glm::dvec3 closest_on_triangle(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b,
-                               const glm::dvec3& c) {
+glm::dvec3 closest_on_triangle(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) {
   const glm::dvec3 ab = b - a, ac = c - a, ap = p - a;
   const double d1 = glm::dot(ab, ap), d2 = glm::dot(ac, ap);
   if (d1 <= 0 && d2 <= 0) return a;
@@ -197,8 +197,7 @@ void ClearanceField::allow(uint64_t tests) const {
 }
 
 void ClearanceField::add_if_near(const SceneMirror& mirror, uint32_t slot, const glm::dvec3& center_m, double reach_m,
-                                 std::span<const uint32_t> ignored_slots, double ahead_s,
-                                 std::vector<Collider>& into) {
+                                 std::span<const uint32_t> ignored_slots, double ahead_s, std::vector<Collider>& into) {
   const Instance& instance = mirror.instances()[slot];
   if (!instance.geometry || !instance.collides()) return;
   const glm::dvec3 center = center_ahead_m(instance, ahead_s);
@@ -206,8 +205,7 @@ void ClearanceField::add_if_near(const SceneMirror& mirror, uint32_t slot, const
   if (glm::dot(center - center_m, center - center_m) > reach * reach) return;
   if (std::binary_search(ignored_slots.begin(), ignored_slots.end(), slot)) return;
   const Affine there = world_from_instance_ahead(instance, ahead_s), back = inverse(there);
-  into.push_back({instance.geometry.get(), there, back, center, instance.radius_m, 1.0 / max_stretch(back),
-                  slot});
+  into.push_back({instance.geometry.get(), there, back, center, instance.radius_m, 1.0 / max_stretch(back), slot});
 }
 
 void ClearanceField::gather_standing(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m,
@@ -224,8 +222,7 @@ void ClearanceField::gather_standing(const SceneMirror& mirror, const glm::dvec3
   gathered_ = {mirror.identity(), mirror.static_version(), center_m, farther_m, all};
   standing_.clear();
   for (uint32_t slot = 0; slot < mirror.instances().size(); ++slot)
-    if (!mirror.instances()[slot].moving)
-      add_if_near(mirror, slot, center_m, farther_m, ignored_slots, 0.0, standing_);
+    if (!mirror.instances()[slot].moving) add_if_near(mirror, slot, center_m, farther_m, ignored_slots, 0.0, standing_);
 }
 
 void ClearanceField::gather(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m,
@@ -271,8 +268,8 @@ void ClearanceField::list_spheres(const glm::dvec3& center_m, double reach_m) {
   allow(kAnyNumber);
 }
 
-// Visits the triangles of a collider whose box, and whose nodes' boxes, have bound(box) < limit(); nearer nodes first. `limit` may
-// fall while `visit(corners)` is called. Ends early when the allowance is used up.
+// Visits the triangles of a collider whose box, and whose nodes' boxes, have bound(box) < limit(); nearer nodes first.
+// `limit` may fall while `visit(corners)` is called. Ends early when the allowance is used up.
 template <typename Bound, typename Limit, typename Visit>
 void ClearanceField::search(const Collider& collider, Bound bound, Limit limit, Visit visit) const {
   struct Entry {
@@ -292,8 +289,7 @@ void ClearanceField::search(const Collider& collider, Bound bound, Limit limit, 
       const TreeNode& node = tree[entry.node];
       if (!take(node.is_leaf() ? node.index_count / 3 : 1)) return;
       if (!node.is_leaf()) {
-        Entry near{entry.node + 1, bound(tree[entry.node + 1].bounds)},
-            far{node.right, bound(tree[node.right].bounds)};
+        Entry near{entry.node + 1, bound(tree[entry.node + 1].bounds)}, far{node.right, bound(tree[node.right].bounds)};
         if (far.bound < near.bound) std::swap(near, far);
         assert(depth + 2 <= stack.size());
         stack[depth++] = far;
@@ -324,7 +320,8 @@ bool ClearanceField::leaves_solid(const glm::dvec3& from_m, const glm::dvec3& di
       left += crossing.leaves ? 1 : -1;
       if (crossing.share < first) first = crossing.share, first_is_back = crossing.leaves;
     };
-    search(collider, [&](const Aabb& box) { return path.enters(box); }, [] { return INFINITY; }, visit);
+    search(
+        collider, [&](const Aabb& box) { return path.enters(box); }, [] { return INFINITY; }, visit);
     return true;
   });
   return !exhausted() && (left > 0 || first_is_back);
@@ -365,8 +362,8 @@ bool ClearanceField::for_each_beside(const Way& way, Take take_one) const {
   std::array<uint8_t, kSpheresAtOnce> beside;
   for (size_t first = 0; first < x_m_.size(); first += kSpheresAtOnce) {
     const size_t count = std::min(kSpheresAtOnce, x_m_.size() - first);
-    mark_beside({&x_m_[first], &y_m_[first], &z_m_[first], &radius_m_[first], count},
-                way.from_m, way.direction, way.length_m, way.radius_m, beside.data());
+    mark_beside({&x_m_[first], &y_m_[first], &z_m_[first], &radius_m_[first], count}, way.from_m, way.direction,
+                way.length_m, way.radius_m, beside.data());
     for (size_t i = 0; i < count; ++i)
       if (beside[i] != 0 && (!take_one(first + i) || exhausted())) return false;
   }
@@ -383,12 +380,13 @@ bool ClearanceField::nearest(const glm::dvec3& point_m, double reach_m, glm::dve
     const auto bound = [&](const Aabb& box) { return collider.min_stretch * distance_to_box(local, box); };
     const auto visit = [&](const Corners& t) {
       const Affine& map = collider.world_from_instance;
-      const glm::dvec3 q = closest_on_triangle(point_m, transform_point(map, t[0]),
-                                               transform_point(map, t[1]), transform_point(map, t[2]));
+      const glm::dvec3 q = closest_on_triangle(point_m, transform_point(map, t[0]), transform_point(map, t[1]),
+                                               transform_point(map, t[2]));
       const double distance = glm::distance(point_m, q);
       if (distance < best) best = distance, surface_m = q, found = true;
     };
-    search(collider, bound, [&] { return best; }, visit);
+    search(
+        collider, bound, [&] { return best; }, visit);
     return true;
   });
   if (!exhausted()) return found;
@@ -396,8 +394,8 @@ bool ClearanceField::nearest(const glm::dvec3& point_m, double reach_m, glm::dve
   return true;
 }
 
-// Calls visit(triangle, steps) for the triangles, in the world, of one collider that the sphere may touch before `limit()`, which may fall
-// meanwhile. The visit adds its steps.
+// Calls visit(triangle, steps) for the triangles, in the world, of one collider that the sphere may touch before
+// `limit()`, which may fall meanwhile. The visit adds its steps.
 template <typename Limit, typename Visit>
 void ClearanceField::sweep(const Collider& collider, const Way& way, Limit limit, Visit visit) const {
   const glm::dvec3 nearest_on_path = closest_on_segment(collider.center_m, way.from_m, way.to_m);
@@ -411,11 +409,11 @@ void ClearanceField::sweep(const Collider& collider, const Way& way, Limit limit
     visit(WorldTriangle{transform_point(map, t[0]), transform_point(map, t[1]), transform_point(map, t[2])}, steps);
     take(steps);
   };
-  search(collider, [&](const Aabb& box) { return way.length_m * path.enters(box); }, limit, in_world);
+  search(
+      collider, [&](const Aabb& box) { return way.length_m * path.enters(box); }, limit, in_world);
 }
 
-double ClearanceField::free_fraction(const glm::dvec3& from_m, const glm::dvec3& to_m,
-                                     double radius_m) const {
+double ClearanceField::free_fraction(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m) const {
   const Way way(from_m, to_m, radius_m);
   // A path too short to have a direction is free when its start is.
   if (!(way.length_m > kTouchM)) return clearance_m(from_m, radius_m) < radius_m - kTouchM ? 0.0 : 1.0;
@@ -460,8 +458,7 @@ bool ClearanceField::meets(const Collider& collider, const Way& way) const {
   return met || exhausted();
 }
 
-bool ClearanceField::is_free(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m,
-                             size_t& blocker) const {
+bool ClearanceField::is_free(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m, size_t& blocker) const {
   const Way way(from_m, to_m, radius_m);
   if (!(way.length_m > kTouchM)) return free_fraction(from_m, to_m, radius_m) >= 1.0;
   if (blocker < x_m_.size() && meets(at(blocker), way)) return false;

@@ -12,18 +12,21 @@
 
 namespace sightline {
 
-// The colliders near one point, gathered once in a step and queried many times. Static colliders are gathered with a margin and kept
-// until the point leaves it or the mirror's static version changes. Distances are exact, to both sides of all triangles, including
-// see-through ones; inside a solid they are to its surface. Not thread-safe: keep one per session and call gather again, which reuses
-// its memory. The mirror must outlive the queries and must not change between gather and a query.
+// The colliders near one point, gathered once in a step and queried many times. Static colliders are gathered with a
+// margin and kept until the point leaves it or the mirror's static version changes. Distances are exact, to both sides
+// of all triangles, including see-through ones; inside a solid they are to its surface. Not thread-safe: keep one per
+// session and call gather again, which reuses its memory. The mirror must outlive the queries and must not change
+// between gather and a query.
 //
-// The work of queries is counted, and can be bounded, so that very many triangles at one place cannot make a step long. It is counted in tests
-// of a box or a triangle, not in time. So a query gives the same answer on every machine. The count depends on the mirror and on the queries
-// alone, not on what was gathered before. Where the allowance is used up, further queries give the careful answer: a surface at the point
-// itself, a path that is not free, a point that is not inside.
+// The work of queries is counted, and can be bounded, so that very many triangles at one place cannot make a step long.
+// It is counted in tests of a box or a triangle, not in time. So a query gives the same answer on every machine. The
+// count depends on the mirror and on the queries alone, not on what was gathered before. Where the allowance is used
+// up, further queries give the careful answer: a surface at the point itself, a path that is not free, a point that is
+// not inside.
 class ClearanceField {
  public:
-  // Allows so many tests until the next gather, which allows any number. Like the queries that use them up, it does not change the field.
+  // Allows so many tests until the next gather, which allows any number. Like the queries that use them up, it does not
+  // change the field.
   void allow(uint64_t tests) const;
   // The number of tests since the last gather or `allow`; what was allowed when it was not enough.
   uint64_t tests() const { return allowed_ - left_; }
@@ -44,24 +47,28 @@ class ClearanceField {
   // The same with the nearest surface point; false when nothing is within reach.
   bool nearest(const glm::dvec3& point_m, double reach_m, glm::dvec3& surface_m) const;
 
-  // The fraction in [0, 1] of the straight path from `from_m` to `to_m` that a sphere of `radius_m` (> 0; a point touches nothing) can move before it touches a
-  // collider. Never too large, and too small by at most 1 mm of path. 0 when the sphere overlaps a collider already. An overlap of less
-  // than 1e-9 m counts as touching: such a sphere may slide along the surface or leave it. The path plus `radius_m` must lie inside the
-  // gathered ball. Uses conservative advancement for each triangle (Mirtich, "Impulse-based dynamic simulation of rigid body
-  // systems", 1996). On a path along a wall it does not stall, as advancement by plain distance would.
+  // The fraction in [0, 1] of the straight path from `from_m` to `to_m` that a sphere of `radius_m` (> 0; a point
+  // touches nothing) can move before it touches a collider. Never too large, and too small by at most 1 mm of path. 0
+  // when the sphere overlaps a collider already. An overlap of less than 1e-9 m counts as touching: such a sphere may
+  // slide along the surface or leave it. The path plus `radius_m` must lie inside the gathered ball. Uses conservative
+  // advancement for each triangle (Mirtich, "Impulse-based dynamic simulation of rigid body systems", 1996). On a path
+  // along a wall it does not stall, as advancement by plain distance would.
   double free_fraction(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m) const;
-  // True when free_fraction is 1, at lower cost. `blocker` is the index of the collider that is tested first; on return, of the collider
-  // in the way, if any. Paths from one point are mostly blocked by the same collider. kNoBlocker is valid at first.
+  // True when free_fraction is 1, at lower cost. `blocker` is the index of the collider that is tested first; on
+  // return, of the collider in the way, if any. Paths from one point are mostly blocked by the same collider.
+  // kNoBlocker is valid at first.
   static constexpr size_t kNoBlocker = SIZE_MAX;
   bool is_free(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m, size_t& blocker) const;
 
-  // The mirror slot of the collider that the sphere touches first on that path; empty when the path is free. Not as fast as is_free.
+  // The mirror slot of the collider that the sphere touches first on that path; empty when the path is free. Not as
+  // fast as is_free.
   std::optional<uint32_t> first_in_way(const glm::dvec3& from_m, const glm::dvec3& to_m, double radius_m) const;
 
-  // True if the point is inside a solid. 14 rays start from it. At least 12 of them must leave more surfaces than they enter, or
-  // first meet the back of one. The first kind also finds the solids that overlap others, the second the space between rooms that are modelled
-  // from inside. The back of an open surface, such as a roof or a leaf, does not count. Which side is the front follows from the
-  // winding, as in glTF. Only solids whose bounding sphere reaches into the gathered ball count.
+  // True if the point is inside a solid. 14 rays start from it. At least 12 of them must leave more surfaces than they
+  // enter, or first meet the back of one. The first kind also finds the solids that overlap others, the second the
+  // space between rooms that are modelled from inside. The back of an open surface, such as a roof or a leaf, does not
+  // count. Which side is the front follows from the winding, as in glTF. Only solids whose bounding sphere reaches into
+  // the gathered ball count.
   bool is_inside(const glm::dvec3& point_m) const;
 
   // The radius of the ball that was gathered.
@@ -90,8 +97,8 @@ class ClearanceField {
                        std::span<const uint32_t> ignored_slots);
   static void add_if_near(const SceneMirror& mirror, uint32_t slot, const glm::dvec3& center_m, double reach_m,
                           std::span<const uint32_t> ignored_slots, double ahead_s, std::vector<Collider>& into);
-  void add_movers(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m, std::span<const uint32_t> ignored_slots,
-                  double ahead_s);
+  void add_movers(const SceneMirror& mirror, const glm::dvec3& center_m, double reach_m,
+                  std::span<const uint32_t> ignored_slots, double ahead_s);
   void list_spheres(const glm::dvec3& center_m, double reach_m);
   // Counts tests; false when none is left.
   bool take(uint64_t tests) const {
@@ -106,7 +113,8 @@ class ClearanceField {
     glm::dvec3 direction;
     double radius_m;
   };
-  // Calls take(index) for at least the colliders that the sphere may touch, until take returns false; then returns false.
+  // Calls take(index) for at least the colliders that the sphere may touch, until take returns false; then returns
+  // false.
   template <typename Take>
   bool for_each_beside(const Way& way, Take take) const;
   template <typename Bound, typename Limit, typename Visit>
@@ -121,10 +129,11 @@ class ClearanceField {
 
   Gathered gathered_;
   std::vector<Collider> standing_, moving_;
-  // The bounding spheres of standing_, then of moving_, by coordinate, so that many are tested at once; most are missed.
+  // The bounding spheres of standing_, then of moving_, by coordinate, so that many are tested at once; most are
+  // missed.
   std::vector<double> x_m_, y_m_, z_m_, radius_m_;
   bool stands_listed_ = false;  // the spheres of standing_ are in the lists
-  glm::dvec3 center_m_{0.0};  // of the last gather
+  glm::dvec3 center_m_{0.0};    // of the last gather
   double reach_m_ = 0.0;
   uint64_t tests_of_query_ = 0;  // for the bounding spheres alone
   static constexpr uint64_t kAnyNumber = UINT64_MAX;
@@ -133,7 +142,6 @@ class ClearanceField {
 
 // Distance from `p` to the triangle (a, b, c), and the closest point on it (Ericson, Real-Time Collision
 // Detection, 5.1.5).
-glm::dvec3 closest_on_triangle(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b,
-                               const glm::dvec3& c);
+glm::dvec3 closest_on_triangle(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c);
 
 }  // namespace sightline

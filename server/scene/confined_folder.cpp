@@ -108,8 +108,7 @@ Result<ConfinedFolder> ConfinedFolder::open(const std::string& path) {
   return ConfinedFolder(fd);
 }
 
-ConfinedFolder::ConfinedFolder(ConfinedFolder&& other) noexcept
-    : descriptor_(std::exchange(other.descriptor_, -1)) {}
+ConfinedFolder::ConfinedFolder(ConfinedFolder&& other) noexcept : descriptor_(std::exchange(other.descriptor_, -1)) {}
 
 ConfinedFolder::~ConfinedFolder() {
   if (descriptor_ >= 0) ::close(descriptor_);
@@ -122,8 +121,7 @@ Result<int> ConfinedFolder::open_beneath(const std::string& relative_path) const
   how.resolve = RESOLVE_BENEATH | RESOLVE_NO_MAGICLINKS;
   const long fd = ::syscall(SYS_openat2, descriptor_, relative_path.c_str(), &how, sizeof how);
   if (fd >= 0) return static_cast<int>(fd);
-  if (errno == ENOSYS || errno == EPERM || errno == EINVAL)
-    return open_and_compare(descriptor_, relative_path);
+  if (errno == ENOSYS || errno == EPERM || errno == EINVAL) return open_and_compare(descriptor_, relative_path);
   return errno_error(errno, relative_path);
 }
 

@@ -1,6 +1,6 @@
-// Reading files below one folder and nowhere else. The kernel resolves the path with RESOLVE_BENEATH (openat2(2), Linux 5.6).
-// Where that call is missing, the path of the opened file is compared with the folder's. A link that is swapped between check
-// and use therefore does not help an attacker.
+// Reading files below one folder and nowhere else. The kernel resolves the path with RESOLVE_BENEATH (openat2(2),
+// Linux 5.6). Where that call is missing, the path of the opened file is compared with the folder's. A link that is
+// swapped between check and use therefore does not help an attacker.
 #pragma once
 
 #include <cstddef>
@@ -33,8 +33,8 @@ class ConfinedFolder {
   ConfinedFolder& operator=(ConfinedFolder&&) = delete;
   ~ConfinedFolder();
 
-  // Fails with kInvalidArgument if `relative_path` is absolute, contains "..", leaves the folder through a link, or is not an
-  // ordinary file. Fails with kNotFound, or with kResourceExhausted above `max_bytes`.
+  // Fails with kInvalidArgument if `relative_path` is absolute, contains "..", leaves the folder through a link, or is
+  // not an ordinary file. Fails with kNotFound, or with kResourceExhausted above `max_bytes`.
   Result<FileContent> read(const std::string& relative_path, size_t max_bytes) const;
   // The stamp alone, for asking whether a file changed.
   Result<FileStamp> stamp(const std::string& relative_path) const;

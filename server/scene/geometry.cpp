@@ -54,8 +54,7 @@ std::vector<TreePart> parts_of(const MeshData& mesh, size_t first, size_t last) 
   return parts;
 }
 
-void append_in_order(const std::vector<TreePart>& parts, const std::vector<uint32_t>& from,
-                     std::vector<uint32_t>& to) {
+void append_in_order(const std::vector<TreePart>& parts, const std::vector<uint32_t>& from, std::vector<uint32_t>& to) {
   for (const TreePart& part : parts)
     to.insert(to.end(), {from[3 * part.triangle], from[3 * part.triangle + 1], from[3 * part.triangle + 2]});
 }
@@ -69,8 +68,7 @@ void bound_by_sphere(Geometry& geometry) {
     squared = std::max(squared, glm::dot(d, d));
   }
   // Rounded up, so that no vertex lies outside.
-  geometry.radius_m =
-      std::nextafter(static_cast<float>(std::sqrt(squared)), std::numeric_limits<float>::infinity());
+  geometry.radius_m = std::nextafter(static_cast<float>(std::sqrt(squared)), std::numeric_limits<float>::infinity());
 }
 
 // Empty when the work has to end.
@@ -81,7 +79,8 @@ std::optional<GeometryKey> key_of(const MeshData& mesh, WorkLimit::Part& work) {
   const std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> digest(EVP_MD_CTX_new(), &EVP_MD_CTX_free);
   bool well = digest && EVP_DigestInit_ex(digest.get(), EVP_sha256(), nullptr) == 1;
   const auto add = [&](std::span<const std::byte> bytes) {
-    for (; !bytes.empty() && well && !work.ends(kDigestedAtOnce / 256); bytes = bytes.subspan(std::min(bytes.size(), kDigestedAtOnce)))
+    for (; !bytes.empty() && well && !work.ends(kDigestedAtOnce / 256);
+         bytes = bytes.subspan(std::min(bytes.size(), kDigestedAtOnce)))
       well = EVP_DigestUpdate(digest.get(), bytes.data(), std::min(bytes.size(), kDigestedAtOnce)) == 1;
   };
   add(std::as_bytes(std::span(sizes)));
@@ -93,12 +92,12 @@ std::optional<GeometryKey> key_of(const MeshData& mesh, WorkLimit::Part& work) {
 }
 
 // Null when the work has to end.
-std::shared_ptr<const Geometry> build_checked(MeshData mesh, const ContentHash& hash, const GeometryKey& key, WorkLimit::Part& work) {
+std::shared_ptr<const Geometry> build_checked(MeshData mesh, const ContentHash& hash, const GeometryKey& key,
+                                              WorkLimit::Part& work) {
   if (!weld(mesh.positions, mesh.indices, work)) return nullptr;
   const size_t triangles = mesh.indices.size() / 3;
   const size_t opaque = std::min<size_t>(triangles, mesh.see_through_first_index / 3);
-  std::vector<TreePart> occluding = parts_of(mesh, 0, opaque),
-                        see_through = parts_of(mesh, opaque, triangles);
+  std::vector<TreePart> occluding = parts_of(mesh, 0, opaque), see_through = parts_of(mesh, opaque, triangles);
 
   auto geometry = std::make_shared<Geometry>();
   geometry->hash = hash;
@@ -130,14 +129,13 @@ GeometryBytes Geometry::bytes_by_part() const {
 ContentHash hash_mesh(const MeshData& mesh) {
   const ContentHash positions = hash_bytes(std::as_bytes(std::span(mesh.positions)));
   const ContentHash indices = hash_bytes(std::as_bytes(std::span(mesh.indices)));
-  const std::array<uint64_t, 7> parts = {
-      positions.high,
-      positions.low,
-      indices.high,
-      indices.low,
-      mesh.positions.size(),
-      mesh.indices.size(),
-      std::min<uint64_t>(mesh.see_through_first_index, mesh.indices.size())};
+  const std::array<uint64_t, 7> parts = {positions.high,
+                                         positions.low,
+                                         indices.high,
+                                         indices.low,
+                                         mesh.positions.size(),
+                                         mesh.indices.size(),
+                                         std::min<uint64_t>(mesh.see_through_first_index, mesh.indices.size())};
   return hash_bytes(std::as_bytes(std::span(parts)));
 }
 
@@ -156,7 +154,8 @@ constexpr size_t kBytesOfBuiltTriangle = 36;
 
 using Bytes = std::shared_ptr<std::atomic<size_t>>;
 
-// Builds a geometry. `bytes` holds the estimate `reserved` for it meanwhile, then the geometry's own bytes until it is no longer used.
+// Builds a geometry. `bytes` holds the estimate `reserved` for it meanwhile, then the geometry's own bytes until it is
+// no longer used.
 template <typename Build>
 std::shared_ptr<const Geometry> counted(size_t reserved, const Bytes& bytes, const Build& build) try {
   std::shared_ptr<const Geometry> built = build();
@@ -237,8 +236,8 @@ GeometryBytes GeometryStore::live_bytes_by_part() const {
 
 size_t GeometryStore::live_count() const {
   const std::lock_guard lock(mutex_);
-  return static_cast<size_t>(std::count_if(by_key_.begin(), by_key_.end(),
-                                           [](const auto& entry) { return !entry.second.expired(); }));
+  return static_cast<size_t>(
+      std::count_if(by_key_.begin(), by_key_.end(), [](const auto& entry) { return !entry.second.expired(); }));
 }
 
 }  // namespace sightline

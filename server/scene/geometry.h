@@ -1,8 +1,9 @@
 // Triangle geometry: immutable, identified by a hash of its data, shared by all sessions of the process.
 //
-// Triangles are grouped in clusters of at most kMaxClusterTriangles. Each cluster is a contiguous range of `indices` and a leaf of a
-// binary bounding-volume hierarchy, which the EGL sampler and the clearance query of `move` search. See-through triangles (material
-// opacity below kOccludingOpacity) have a tree of their own: they collide but do not occlude.
+// Triangles are grouped in clusters of at most kMaxClusterTriangles. Each cluster is a contiguous range of `indices`
+// and a leaf of a binary bounding-volume hierarchy, which the EGL sampler and the clearance query of `move` search.
+// See-through triangles (material opacity below kOccludingOpacity) have a tree of their own: they collide but do not
+// occlude.
 #pragma once
 
 #include <array>
@@ -27,7 +28,8 @@ inline constexpr float kOccludingOpacity = 0.75f;
 inline constexpr uint32_t kMaxClusterTriangles = 64;
 // The greatest depth of a leaf below its root, so that a traversal's stack can have this fixed size.
 inline constexpr int kMaxTreeDepth = 64;
-// The largest magnitude of any coordinate of a mesh or of an instance's position. Beyond it bounds in single precision overflow.
+// The largest magnitude of any coordinate of a mesh or of an instance's position. Beyond it bounds in single precision
+// overflow.
 inline constexpr float kMaxCoordinateM = 1e9f;
 
 struct Aabb {
@@ -40,8 +42,8 @@ struct Aabb {
   glm::vec3 half_extent() const { return 0.5f * (max - min); }
 };
 
-// A node covers the indices [first_index, first_index + index_count). The left child of an inner node is the next node in the array;
-// the right child is at `right`. A leaf has right == 0 and is one cluster.
+// A node covers the indices [first_index, first_index + index_count). The left child of an inner node is the next node
+// in the array; the right child is at `right`. A leaf has right == 0 and is one cluster.
 struct TreeNode {
   Aabb bounds;
   uint32_t first_index = 0;
@@ -53,8 +55,8 @@ struct TreeNode {
 // Depth-first order, root first; empty when there are no triangles.
 using TriangleTree = std::vector<TreeNode>;
 
-// The input of build_geometry. `indices` are triples into `positions`. Triangles from `see_through_first_index` on (a multiple of 3, or
-// beyond the end) are see-through; by default none is.
+// The input of build_geometry. `indices` are triples into `positions`. Triangles from `see_through_first_index` on (a
+// multiple of 3, or beyond the end) are see-through; by default none is.
 struct MeshData {
   std::vector<glm::vec3> positions;  // metres, in the mesh's own frame
   std::vector<uint32_t> indices;
@@ -92,24 +94,25 @@ class Geometry {
 // Identifies a mesh: equal for equal positions, indices and see_through_first_index.
 ContentHash hash_mesh(const MeshData& mesh);
 
-// Builds clusters and trees (tree_builder.h), for large meshes on every core. Drops triangles of zero area and merges equal positions
-// (weld.h); unused positions are kept. A mesh without triangles gives empty trees and empty `bounds`. Fails with
-// kInvalidArgument (field "indices", "positions" or "see_through_first_index"). The causes are an index out of range, an index
-// count that is not a multiple of 3, or a position that is not finite or beyond kMaxCoordinateM. Deterministic: equal input
-// gives equal output.
+// Builds clusters and trees (tree_builder.h), for large meshes on every core. Drops triangles of zero area and merges
+// equal positions (weld.h); unused positions are kept. A mesh without triangles gives empty trees and empty `bounds`.
+// Fails with kInvalidArgument (field "indices", "positions" or "see_through_first_index"). The causes are an index out
+// of range, an index count that is not a multiple of 3, or a position that is not finite or beyond kMaxCoordinateM.
+// Deterministic: equal input gives equal output.
 Result<std::shared_ptr<const Geometry>> build_geometry(MeshData mesh);
 
-// Keeps one copy of each geometry while it is in use. Thread-safe; building happens outside the lock. The store may be destroyed before
-// the geometries that it returned.
+// Keeps one copy of each geometry while it is in use. Thread-safe; building happens outside the lock. The store may be
+// destroyed before the geometries that it returned.
 //
-// Sessions of different clients share geometries, so a copy is found by its key. By a hash that can be forged, one client could put its
-// geometry in the place of another's.
+// Sessions of different clients share geometries, so a copy is found by its key. By a hash that can be forged, one
+// client could put its geometry in the place of another's.
 class GeometryStore {
  public:
   // The store holds at most `max_bytes`, by an estimate while a geometry is built; 0: no limit.
   explicit GeometryStore(size_t max_bytes = 0) : max_bytes_(max_bytes) {}
-  // The geometry of this mesh: the existing copy, or a new one. Fails as build_geometry does, and with kResourceExhausted
-  // when there is no room for a new one. Nothing is built then. Fails with work->error() when `work` ends; null: nothing ends it.
+  // The geometry of this mesh: the existing copy, or a new one. Fails as build_geometry does, and with
+  // kResourceExhausted when there is no room for a new one. Nothing is built then. Fails with work->error() when `work`
+  // ends; null: nothing ends it.
   Result<std::shared_ptr<const Geometry>> intern(MeshData mesh, WorkLimit* work = nullptr);
   // Bytes of all geometries in use, each counted once.
   GeometryBytes live_bytes_by_part() const;
@@ -129,7 +132,7 @@ class GeometryStore {
 
   mutable std::mutex mutex_;
   std::map<GeometryKey, std::weak_ptr<const Geometry>> by_key_;  // guarded by mutex_
-  size_t forget_at_size_ = 64;                           // guarded by mutex_
+  size_t forget_at_size_ = 64;                                   // guarded by mutex_
 };
 
 }  // namespace sightline

@@ -18,15 +18,13 @@ void forbid_io(tinygltf::TinyGLTF& reader) {
   tinygltf::FsCallbacks none{};
   none.FileExists = [](const std::string&, void*) { return false; };
   none.ExpandFilePath = [](const std::string&, void*) { return std::string(); };
-  none.ReadWholeFile = [](std::vector<unsigned char>*, std::string*, const std::string&, void*) {
-    return false;
-  };
+  none.ReadWholeFile = [](std::vector<unsigned char>*, std::string*, const std::string&, void*) { return false; };
   none.WriteWholeFile = [](std::string*, const std::string&, const std::vector<unsigned char>&, void*) {
     return false;
   };
   reader.SetFsCallbacks(none);
-  reader.SetImageLoader([](tinygltf::Image*, int, std::string*, std::string*, int, int, const unsigned char*,
-                           int, void*) { return true; },
+  reader.SetImageLoader([](tinygltf::Image*, int, std::string*, std::string*, int, int, const unsigned char*, int,
+                           void*) { return true; },
                         nullptr);
 }
 
@@ -52,8 +50,8 @@ ContentHash hash_of(std::span<const std::byte> bytes, const std::vector<ContentH
 }
 
 GltfBudget budget_of(const GltfLimits& limits) {
-  return {limits.max_triangles, 3 * limits.max_triangles, limits.max_instances, limits.max_animation_values,
-          limits.max_unpacked_bytes, limits.instances_flag};
+  return {limits.max_triangles,        3 * limits.max_triangles,  limits.max_instances,
+          limits.max_animation_values, limits.max_unpacked_bytes, limits.instances_flag};
 }
 
 void note_extensions(const nlohmann::json& json, SceneAsset& asset) {
@@ -61,9 +59,8 @@ void note_extensions(const nlohmann::json& json, SceneAsset& asset) {
   for (const auto& name : json["extensionsUsed"]) asset.extensions_used.push_back(name.get<std::string>());
 }
 
-Result<std::shared_ptr<const SceneAsset>> read_document(std::span<const std::byte> bytes,
-                                                        const ExternalFile& external, GeometryStore& store,
-                                                        const GltfLimits& limits) {
+Result<std::shared_ptr<const SceneAsset>> read_document(std::span<const std::byte> bytes, const ExternalFile& external,
+                                                        GeometryStore& store, const GltfLimits& limits) {
   // 1. The container: which bytes are JSON.
   const auto container = split_gltf_container(bytes);
   if (!container) return tl::unexpected(container.error());
@@ -76,8 +73,7 @@ Result<std::shared_ptr<const SceneAsset>> read_document(std::span<const std::byt
   WorkLimit::Part work(limits.work);
   GltfDocument document{*json, work};
   document.budget = budget_of(limits);
-  if (const Status s = load_gltf_buffers(*container, external, limits, document); !s)
-    return tl::unexpected(s.error());
+  if (const Status s = load_gltf_buffers(*container, external, limits, document); !s) return tl::unexpected(s.error());
   if (const Status s = go_on(document); !s) return tl::unexpected(s.error());
   if (const Status s = parse_model(*checked, document.model); !s) return tl::unexpected(s.error());
   if (const Status s = go_on(document); !s) return tl::unexpected(s.error());
@@ -86,17 +82,16 @@ Result<std::shared_ptr<const SceneAsset>> read_document(std::span<const std::byt
   asset->hash = hash_of(bytes, document.external_hashes);
   note_extensions(*json, *asset);
   std::vector<int> asset_node_of;
-  if (const Status s = read_gltf_nodes(document, limits, *asset, asset_node_of); !s)
-    return tl::unexpected(s.error());
+  if (const Status s = read_gltf_nodes(document, limits, *asset, asset_node_of); !s) return tl::unexpected(s.error());
   if (const Status s = read_gltf_meshes(document, store, asset_node_of, *asset); !s) return tl::unexpected(s.error());
-  if (const Status s = read_gltf_animations(document, asset_node_of, *asset); !s)
-    return tl::unexpected(s.error());
+  if (const Status s = read_gltf_animations(document, asset_node_of, *asset); !s) return tl::unexpected(s.error());
   asset->warnings = document.warnings.take();
   return asset;
 }
 
 // The limits of a file come from the memory for geometry, but for those whose refusals name another flag.
-Result<std::shared_ptr<const SceneAsset>> with_memory_flag(Result<std::shared_ptr<const SceneAsset>> asset, const std::string& flag) {
+Result<std::shared_ptr<const SceneAsset>> with_memory_flag(Result<std::shared_ptr<const SceneAsset>> asset,
+                                                           const std::string& flag) {
   if (asset || asset.error().code != ErrorCode::kResourceExhausted || flag.empty()) return asset;
   std::string& message = asset.error().message;
   if (message.find("(--") == std::string::npos) message += " (" + flag + ")";
@@ -144,9 +139,8 @@ GltfLimits GltfLimits::within(size_t bytes) {
   return limits;
 }
 
-Result<std::shared_ptr<const SceneAsset>> read_gltf(std::span<const std::byte> bytes,
-                                                    const ExternalFile& external, GeometryStore& store,
-                                                    const GltfLimits& limits) {
+Result<std::shared_ptr<const SceneAsset>> read_gltf(std::span<const std::byte> bytes, const ExternalFile& external,
+                                                    GeometryStore& store, const GltfLimits& limits) {
   if (bytes.size() > limits.max_file_bytes)
     return fail(ErrorCode::kResourceExhausted, "",
                 "the file is larger than " + std::to_string(limits.max_file_bytes) + " bytes");

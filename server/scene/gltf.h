@@ -1,6 +1,7 @@
-// Reads glTF 2.0 (.gltf with files or data URIs, .glb) into a SceneAsset. Input is not trusted. The JSON is checked before
-// tinygltf sees it (gltf_json.h), and every accessor range is checked when it is read. Cycles and deep hierarchies are refused,
-// and images are never decoded. The field of an Error is a JSON path such as "meshes[0].primitives[1].indices".
+// Reads glTF 2.0 (.gltf with files or data URIs, .glb) into a SceneAsset. Input is not trusted. The JSON is checked
+// before tinygltf sees it (gltf_json.h), and every accessor range is checked when it is read. Cycles and deep
+// hierarchies are refused, and images are never decoded. The field of an Error is a JSON path such as
+// "meshes[0].primitives[1].indices".
 #pragma once
 
 #include <cstddef>
@@ -33,19 +34,21 @@ struct GltfLimits {
   // Ends the reading; null: nothing does.
   WorkLimit* work = nullptr;
 
-  // Limits for a server that has so many bytes for geometry: one file takes about as much at most while it is read. A short file can name
-  // the same data again and again, so its own size says little.
+  // Limits for a server that has so many bytes for geometry: one file takes about as much at most while it is read. A
+  // short file can name the same data again and again, so its own size says little.
   static GltfLimits within(size_t bytes);
 };
 
-// Returns the bytes of a file to which the document refers by relative URI. The path is percent-decoded, never absolute, and without
-// "..". Pass nullptr when external files are not allowed, as for uploads: then a reference to one is an Error that names it.
+// Returns the bytes of a file to which the document refers by relative URI. The path is percent-decoded, never
+// absolute, and without
+// "..". Pass nullptr when external files are not allowed, as for uploads: then a reference to one is an Error that
+// names it.
 using ExternalFile = std::function<Result<std::vector<std::byte>>(const std::string& relative_path)>;
 
-// `bytes` is the whole .glb or .gltf; the first four bytes decide which. Thread-safe. May run for seconds on large files.
-Result<std::shared_ptr<const SceneAsset>> read_gltf(std::span<const std::byte> bytes,
-                                                    const ExternalFile& external, GeometryStore& store,
-                                                    const GltfLimits& limits = {});
+// `bytes` is the whole .glb or .gltf; the first four bytes decide which. Thread-safe. May run for seconds on large
+// files.
+Result<std::shared_ptr<const SceneAsset>> read_gltf(std::span<const std::byte> bytes, const ExternalFile& external,
+                                                    GeometryStore& store, const GltfLimits& limits = {});
 
 // For command-line tools: reads `path`, which may refer to files in its folder and below.
 Result<std::shared_ptr<const SceneAsset>> read_gltf_file(const std::string& path, GeometryStore& store,

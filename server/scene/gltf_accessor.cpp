@@ -21,8 +21,8 @@ size_t component_bytes(int component_type) {
   return static_cast<size_t>(tinygltf::GetComponentSizeInBytes(static_cast<uint32_t>(component_type)));
 }
 
-Result<StridedBytes> strided(GltfDocument& document, int view_index, size_t offset, size_t count,
-                             size_t element_bytes, const std::string& field) {
+Result<StridedBytes> strided(GltfDocument& document, int view_index, size_t offset, size_t count, size_t element_bytes,
+                             const std::string& field) {
   const tinygltf::BufferView& view = document.model.bufferViews[static_cast<size_t>(view_index)];
   const auto bytes = gltf_view_bytes(document, static_cast<size_t>(view_index));
   if (!bytes) return tl::unexpected(bytes.error());
@@ -111,13 +111,11 @@ Status locate_sparse(GltfDocument& document, const tinygltf::Accessor& accessor,
   if (count > accessor.count) return invalid(field + ".sparse.count", "is larger than the accessor's count");
   if (!is_index_type(sparse.indices.componentType))
     return invalid(field + ".sparse.indices.componentType", "must be an unsigned type");
-  const auto indices =
-      strided(document, sparse.indices.bufferView, static_cast<size_t>(sparse.indices.byteOffset), count,
-              component_bytes(sparse.indices.componentType), field + ".sparse.indices");
+  const auto indices = strided(document, sparse.indices.bufferView, static_cast<size_t>(sparse.indices.byteOffset),
+                               count, component_bytes(sparse.indices.componentType), field + ".sparse.indices");
   if (!indices) return tl::unexpected(indices.error());
-  const auto values =
-      strided(document, sparse.values.bufferView, static_cast<size_t>(sparse.values.byteOffset), count,
-              element_bytes, field + ".sparse.values");
+  const auto values = strided(document, sparse.values.bufferView, static_cast<size_t>(sparse.values.byteOffset), count,
+                              element_bytes, field + ".sparse.values");
   if (!values) return tl::unexpected(values.error());
   sources.sparse_indices = *indices;
   sources.sparse_values = *values;
@@ -130,14 +128,13 @@ Result<Sources> locate(GltfDocument& document, int index, size_t element_bytes) 
   const std::string field = gltf_path("accessors", static_cast<size_t>(index));
   Sources sources;
   if (accessor.bufferView >= 0) {
-    const auto base =
-        strided(document, accessor.bufferView, accessor.byteOffset, accessor.count, element_bytes, field);
+    const auto base = strided(document, accessor.bufferView, accessor.byteOffset, accessor.count, element_bytes, field);
     if (!base) return tl::unexpected(base.error());
     sources.base = *base;
   } else if (accessor.count > kMaxUnbackedElements) {
-    return fail(ErrorCode::kResourceExhausted, field + ".count",
-                "an accessor without a buffer view may have at most " + std::to_string(kMaxUnbackedElements) +
-                    " elements");
+    return fail(
+        ErrorCode::kResourceExhausted, field + ".count",
+        "an accessor without a buffer view may have at most " + std::to_string(kMaxUnbackedElements) + " elements");
   }
   if (accessor.sparse.isSparse)
     if (const Status status = locate_sparse(document, accessor, element_bytes, field, sources); !status)
@@ -187,8 +184,8 @@ struct FloatFormat {
   }
 };
 
-Result<FloatFormat> float_format(GltfDocument& document, int index, int components,
-                                 GltfComponents allowed, const std::string& field) {
+Result<FloatFormat> float_format(GltfDocument& document, int index, int components, GltfComponents allowed,
+                                 const std::string& field) {
   const tinygltf::Accessor& accessor = document.model.accessors[static_cast<size_t>(index)];
   if (tinygltf::GetNumComponentsInType(static_cast<uint32_t>(accessor.type)) != components ||
       !allowed_component(accessor, allowed))
@@ -203,14 +200,13 @@ struct FloatSource : FloatFormat {
   // `to` holds zeros.
   Status decode_all(int index, float* to) const {
     if (sources.base) decode(*sources.base, to);
-    return substitute(
-        sources, count, gltf_path("accessors", static_cast<size_t>(index)),
-        [&](size_t element, const std::byte* from) { decode_element(from, to + element * width); });
+    return substitute(sources, count, gltf_path("accessors", static_cast<size_t>(index)),
+                      [&](size_t element, const std::byte* from) { decode_element(from, to + element * width); });
   }
 };
 
-Result<FloatSource> float_source(GltfDocument& document, int index, int components,
-                                 GltfComponents allowed, const std::string& field) {
+Result<FloatSource> float_source(GltfDocument& document, int index, int components, GltfComponents allowed,
+                                 const std::string& field) {
   const auto format = float_format(document, index, components, allowed, field);
   if (!format) return tl::unexpected(format.error());
   const auto sources = locate(document, index, format->element_bytes());
@@ -230,8 +226,8 @@ Result<std::span<const std::byte>> gltf_view_bytes(GltfDocument& document, size_
   return buffer.subspan(view.byteOffset, view.byteLength);
 }
 
-Result<std::vector<float>> read_gltf_floats(GltfDocument& document, int index, int components,
-                                            GltfComponents allowed, const std::string& field) {
+Result<std::vector<float>> read_gltf_floats(GltfDocument& document, int index, int components, GltfComponents allowed,
+                                            const std::string& field) {
   const auto source = float_source(document, index, components, allowed, field);
   if (!source) return tl::unexpected(source.error());
   std::vector<float> values(source->count * source->width, 0.0f);
@@ -239,8 +235,7 @@ Result<std::vector<float>> read_gltf_floats(GltfDocument& document, int index, i
   return values;
 }
 
-Result<std::vector<glm::vec3>> read_gltf_positions(GltfDocument& document, int index,
-                                                   const std::string& field) {
+Result<std::vector<glm::vec3>> read_gltf_positions(GltfDocument& document, int index, const std::string& field) {
   const auto source = float_source(document, index, 3, GltfComponents::kFloatOrAnyInteger, field);
   if (!source) return tl::unexpected(source.error());
   std::vector<glm::vec3> values(source->count, glm::vec3(0.0f));
@@ -249,20 +244,16 @@ Result<std::vector<glm::vec3>> read_gltf_positions(GltfDocument& document, int i
 }
 
 Result<std::vector<glm::vec3>> read_gltf_positions(GltfDocument& document, int index,
-                                                   std::span<const std::byte> elements,
-                                                   const std::string& field) {
+                                                   std::span<const std::byte> elements, const std::string& field) {
   const auto format = float_format(document, index, 3, GltfComponents::kFloatOrAnyInteger, field);
   if (!format) return tl::unexpected(format.error());
-  if (document.model.accessors[static_cast<size_t>(index)].sparse.isSparse)
-    return invalid(field, "must not be sparse");
+  if (document.model.accessors[static_cast<size_t>(index)].sparse.isSparse) return invalid(field, "must not be sparse");
   std::vector<glm::vec3> values(elements.size() / format->element_bytes());
-  if (!values.empty())
-    format->decode({elements.data(), format->element_bytes(), values.size()}, &values.data()->x);
+  if (!values.empty()) format->decode({elements.data(), format->element_bytes(), values.size()}, &values.data()->x);
   return values;
 }
 
-Result<std::vector<uint32_t>> read_gltf_indices(GltfDocument& document, int index,
-                                                const std::string& field) {
+Result<std::vector<uint32_t>> read_gltf_indices(GltfDocument& document, int index, const std::string& field) {
   const tinygltf::Accessor& accessor = document.model.accessors[static_cast<size_t>(index)];
   if (accessor.type != TINYGLTF_TYPE_SCALAR || !is_index_type(accessor.componentType) || accessor.normalized)
     return invalid(field, "accessors[" + std::to_string(index) + "] must be a scalar of an unsigned type");
@@ -274,8 +265,8 @@ Result<std::vector<uint32_t>> read_gltf_indices(GltfDocument& document, int inde
     values[element] = decode_index(from, accessor.componentType);
   };
   if (sources->base) decode_indices(*sources->base, accessor.componentType, values.data());
-  const Status status = substitute(*sources, accessor.count,
-                                   gltf_path("accessors", static_cast<size_t>(index)), decode_element);
+  const Status status = substitute(*sources, accessor.count, gltf_path("accessors", static_cast<size_t>(index)),
+                                   decode_element);
   if (!status) return tl::unexpected(status.error());
   const uint32_t restart = largest_index(accessor.componentType);
   for (size_t i = 0; i < values.size(); ++i)

@@ -78,8 +78,7 @@ Status read_keys(GltfDocument& document, const tinygltf::AnimationSampler& sampl
 std::optional<std::string> reason_to_skip(const tinygltf::AnimationChannel& channel, int asset_node,
                                           const SceneAsset& asset) {
   if (channel.target_path == "weights") return "morph targets stay at rest";
-  if (!path_of(channel.target_path))
-    return "target.path \"" + channel.target_path.substr(0, 40) + "\" is not known";
+  if (!path_of(channel.target_path)) return "target.path \"" + channel.target_path.substr(0, 40) + "\" is not known";
   if (asset_node < 0) return "the node is not part of the scene";
   if (!asset.nodes[static_cast<size_t>(asset_node)].decomposed) return "the node's matrix shears or flattens";
   return std::nullopt;
@@ -113,21 +112,18 @@ class AnimationReader {
   }
 
  private:
-  Result<AssetChannel> read_channel(const tinygltf::Animation& source,
-                                    const tinygltf::AnimationChannel& target, int node,
-                                    const std::string& field) {
+  Result<AssetChannel> read_channel(const tinygltf::Animation& source, const tinygltf::AnimationChannel& target,
+                                    int node, const std::string& field) {
     const auto sampler_index = static_cast<size_t>(target.sampler);
     const std::string sampler_field = field + "." + gltf_path("samplers", sampler_index);
     const tinygltf::AnimationSampler& sampler = source.samplers[sampler_index];
     const auto interpolation = interpolation_of(sampler.interpolation);
-    if (!interpolation)
-      return invalid(sampler_field + ".interpolation", "must be STEP, LINEAR or CUBICSPLINE");
+    if (!interpolation) return invalid(sampler_field + ".interpolation", "must be STEP, LINEAR or CUBICSPLINE");
     AssetChannel channel;
     channel.node = node;
     channel.path = *path_of(target.target_path);
     channel.interpolation = *interpolation;
-    if (const Status s = read_keys(document_, sampler, sampler_field, channel); !s)
-      return tl::unexpected(s.error());
+    if (const Status s = read_keys(document_, sampler, sampler_field, channel); !s) return tl::unexpected(s.error());
     return channel;
   }
 
@@ -138,8 +134,7 @@ class AnimationReader {
 
 }  // namespace
 
-Status read_gltf_animations(GltfDocument& document, const std::vector<int>& asset_node_of,
-                            SceneAsset& asset) {
+Status read_gltf_animations(GltfDocument& document, const std::vector<int>& asset_node_of, SceneAsset& asset) {
   AnimationReader reader(document, asset_node_of, asset);
   for (size_t i = 0; i < document.model.animations.size(); ++i) {
     auto animation = reader.read(document.model.animations[i], gltf_path("animations", i));

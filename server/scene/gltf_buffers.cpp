@@ -48,9 +48,8 @@ class BufferLoader {
     const std::string field = gltf_path("buffers", index);
     const size_t length = buffer["byteLength"].get<size_t>();
     if (length > limits_.max_file_bytes - total_)
-      return fail(
-          ErrorCode::kResourceExhausted, field + ".byteLength",
-          "the buffers together are larger than " + std::to_string(limits_.max_file_bytes) + " bytes");
+      return fail(ErrorCode::kResourceExhausted, field + ".byteLength",
+                  "the buffers together are larger than " + std::to_string(limits_.max_file_bytes) + " bytes");
     total_ += length;
     const auto source = source_of(buffer, index, field);
     if (!source) return tl::unexpected(source.error());
@@ -85,8 +84,7 @@ class BufferLoader {
     const auto path = relative_path_of_uri(uri, field + ".uri");
     if (!path) return tl::unexpected(path.error());
     if (const auto known = files_.find(*path); known != files_.end()) return known->second;
-    if (!external_)
-      return invalid(field + ".uri", "refers to the file \"" + *path + "\", which is not allowed here");
+    if (!external_) return invalid(field + ".uri", "refers to the file \"" + *path + "\", which is not allowed here");
     auto bytes = external_(*path);
     if (!bytes) {
       Error error = std::move(bytes.error());

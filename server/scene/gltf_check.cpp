@@ -1,5 +1,5 @@
-// A table of every member of a glTF document that the reader uses: type, range and reference (glTF 2.0 section 5 and three geometry
-// extensions). Rules that do not fit the table are separate functions.
+// A table of every member of a glTF document that the reader uses: type, range and reference (glTF 2.0 section 5 and
+// three geometry extensions). Rules that do not fit the table are separate functions.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -20,7 +20,7 @@ using nlohmann::json;
 
 constexpr uint64_t kMaxInt = std::numeric_limits<int>::max();
 constexpr uint64_t kMaxOffset = uint64_t{1} << 40;
-constexpr uint64_t kMaxItems = 1'000'000;  // of any one array of the document
+constexpr uint64_t kMaxItems = 1'000'000;   // of any one array of the document
 constexpr uint64_t kMaxMaterials = 65'536;  // "{}" is a valid one, and tinygltf spends 1.5 KB on it
 
 std::string at(const std::string& path, size_t index) {
@@ -137,8 +137,7 @@ class JsonCheck {
 
   void check_index(const json& value, const std::string& path, const char* collection, size_t size) {
     if (!value.is_number_unsigned() || value.get<uint64_t>() >= size)
-      complain(path,
-               "must be an index into " + std::string(collection) + ", which has " + std::to_string(size));
+      complain(path, "must be an index into " + std::string(collection) + ", which has " + std::to_string(size));
   }
 
  private:
@@ -160,8 +159,8 @@ class JsonCheck {
       case Kind::kWhole:
         return check_whole(value, path, member), value;
       case Kind::kWord:
-        return expect(value.is_string() && std::ranges::find(member.words, value.get_ref<const std::string&>()) !=
-                                               member.words.end(),
+        return expect(value.is_string() &&
+                          std::ranges::find(member.words, value.get_ref<const std::string&>()) != member.words.end(),
                       value, path, "is not one of the words that glTF allows here");
       case Kind::kIndex:
         return check_index(value, path, member), value;
@@ -218,8 +217,8 @@ class JsonCheck {
 
   void check_whole(const json& value, const std::string& path, const Member& member) {
     if (!value.is_number_unsigned() || value.get<uint64_t>() < member.low || value.get<uint64_t>() > member.high)
-      complain(path, "must be a whole number in [" + std::to_string(member.low) + ", " +
-                         std::to_string(member.high) + "]");
+      complain(path,
+               "must be a whole number in [" + std::to_string(member.low) + ", " + std::to_string(member.high) + "]");
   }
   void check_index(const json& value, const std::string& path, const Member& member) {
     const auto items = document_.find(member.collection);
@@ -235,18 +234,25 @@ class JsonCheck {
   std::optional<Error> error_;
 };
 
-// --- asset and extensions ----------------------------------------------------------------------------------------------
+// --- asset and extensions
+// ----------------------------------------------------------------------------------------------
 
 // Extensions that may be required: five that the reader knows, and those that leave every triangle where it is.
-constexpr std::array<std::string_view, 15> kSupported = {
-    "KHR_mesh_quantization",   "EXT_mesh_gpu_instancing",
-    "EXT_meshopt_compression", "KHR_draco_mesh_compression",
-    "KHR_node_visibility",
-    "KHR_lights_punctual",     "KHR_xmp_json_ld",
-    "KHR_texture_basisu",      "KHR_texture_transform",
-    "EXT_texture_webp",        "EXT_texture_avif",
-    "MSFT_texture_dds",        "EXT_lights_image_based",
-    "EXT_lights_ies",          "KHR_xmp"};
+constexpr std::array<std::string_view, 15> kSupported = {"KHR_mesh_quantization",
+                                                         "EXT_mesh_gpu_instancing",
+                                                         "EXT_meshopt_compression",
+                                                         "KHR_draco_mesh_compression",
+                                                         "KHR_node_visibility",
+                                                         "KHR_lights_punctual",
+                                                         "KHR_xmp_json_ld",
+                                                         "KHR_texture_basisu",
+                                                         "KHR_texture_transform",
+                                                         "EXT_texture_webp",
+                                                         "EXT_texture_avif",
+                                                         "MSFT_texture_dds",
+                                                         "EXT_lights_image_based",
+                                                         "EXT_lights_ies",
+                                                         "KHR_xmp"};
 
 void check_version(JsonCheck& check, const json& asset, const std::string&, json&) {
   if (!asset["version"].get<std::string>().starts_with("2."))
@@ -270,7 +276,8 @@ constexpr Member kAsset[] = {required(text("version")), withheld(text("minVersio
 constexpr Member kHead[] = {required(object("asset", kAsset, check_version)), plain("extensionsUsed", Kind::kStrings),
                             plain("extensionsRequired", Kind::kStrings)};
 
-// --- buffers and accessors ---------------------------------------------------------------------------------------------
+// --- buffers and accessors
+// ---------------------------------------------------------------------------------------------
 
 constexpr std::array<std::string_view, 7> kAccessorTypes = {"SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"};
 constexpr std::array<std::string_view, 3> kMeshoptModes = {"ATTRIBUTES", "TRIANGLES", "INDICES"};
@@ -282,14 +289,13 @@ void check_meshopt_layout(JsonCheck& check, const json& view, const json& packin
   const std::string mode = packing["mode"], filter = packing.value("filter", "NONE");
   const bool attributes = mode == "ATTRIBUTES";
   const bool stride_suits_mode = attributes ? stride % 4 == 0 : stride == 2 || stride == 4;
-  const bool stride_suits_filter =
-      filter == "OCTAHEDRAL" ? stride == 4 || stride == 8 : filter != "QUATERNION" || stride == 8;
+  const bool stride_suits_filter = filter == "OCTAHEDRAL" ? stride == 4 || stride == 8
+                                                          : filter != "QUATERNION" || stride == 8;
   if (!stride_suits_mode || !stride_suits_filter)
     check.complain(path + ".byteStride", "does not suit the mode and the filter");
   if (mode == "TRIANGLES" && count % 3 != 0) check.complain(path + ".count", "must be a multiple of 3");
   if (!attributes && filter != "NONE") check.complain(path + ".filter", "is for attributes only");
-  if (view.value("byteStride", stride) != stride)
-    check.complain(path + ".byteStride", "differs from the view's");
+  if (view.value("byteStride", stride) != stride) check.complain(path + ".byteStride", "differs from the view's");
   if (view["byteLength"].get<uint64_t>() != stride * count)
     check.complain(path, "byteStride times count is not the view's byteLength");
 }
@@ -301,8 +307,7 @@ void check_view(JsonCheck& check, const json& view, const std::string& path, jso
 }
 
 void check_component_type(JsonCheck& check, const json& object, const std::string& path, json&) {
-  if (object["componentType"] == 5124)
-    check.complain(path + ".componentType", "5124 is not a component type of glTF");
+  if (object["componentType"] == 5124) check.complain(path + ".componentType", "5124 is not a component type of glTF");
 }
 
 constexpr Member kBuffer[] = {required(whole("byteLength", 1, kMaxOffset)), text("uri")};
@@ -324,12 +329,16 @@ constexpr Member kSparseValues[] = {required(index("bufferView", "bufferViews"))
 constexpr Member kSparse[] = {required(whole("count", 1, kMaxInt)),
                               required(object("indices", kSparseIndices, check_component_type)),
                               required(object("values", kSparseValues))};
-constexpr Member kAccessor[] = {index("bufferView", "bufferViews"), whole("byteOffset", 0, kMaxOffset),
-                                kComponentType,                     plain("normalized", Kind::kBoolean),
-                                required(whole("count", 1, kMaxInt)), required(word("type", kAccessorTypes)),
+constexpr Member kAccessor[] = {index("bufferView", "bufferViews"),
+                                whole("byteOffset", 0, kMaxOffset),
+                                kComponentType,
+                                plain("normalized", Kind::kBoolean),
+                                required(whole("count", 1, kMaxInt)),
+                                required(word("type", kAccessorTypes)),
                                 object("sparse", kSparse)};
 
-// --- meshes ------------------------------------------------------------------------------------------------------------
+// --- meshes
+// ------------------------------------------------------------------------------------------------------------
 
 void check_primitive(JsonCheck& check, const json& primitive, const std::string& path, json& copy) {
   copy["attributes"].erase(kIndicesAttribute);
@@ -345,17 +354,22 @@ constexpr Member kDracoPacking[] = {
     required(index("bufferView", "bufferViews")),
     required({.key = "attributes", .kind = Kind::kWholeByName, .low = 0, .high = kMaxInt})};
 constexpr Member kPrimitiveExtensions[] = {object(kDracoExtension, kDracoPacking)};
-constexpr Member kPrimitive[] = {required(accessors_by_name("attributes")), withheld(index("indices", "accessors")),
-                                 index("material", "materials"),            whole("mode", 0, 6),
-                                 plain("targets", Kind::kArray), object("extensions", kPrimitiveExtensions)};
+constexpr Member kPrimitive[] = {required(accessors_by_name("attributes")),
+                                 withheld(index("indices", "accessors")),
+                                 index("material", "materials"),
+                                 whole("mode", 0, 6),
+                                 plain("targets", Kind::kArray),
+                                 object("extensions", kPrimitiveExtensions)};
 constexpr Member kMesh[] = {text("name"), required(objects("primitives", kPrimitive, check_primitive))};
 
 constexpr Member kColour[] = {numbers("baseColorFactor", 4)};
 constexpr Member kTransmission[] = {plain("transmissionFactor", Kind::kShare)};
 constexpr Member kMaterialExtensions[] = {object("KHR_materials_transmission", kTransmission)};
-constexpr Member kMaterial[] = {text("name"), text("alphaMode"), object("pbrMetallicRoughness", kColour), object("extensions", kMaterialExtensions)};
+constexpr Member kMaterial[] = {text("name"), text("alphaMode"), object("pbrMetallicRoughness", kColour),
+                                object("extensions", kMaterialExtensions)};
 
-// --- nodes and cameras -------------------------------------------------------------------------------------------------
+// --- nodes and cameras
+// -------------------------------------------------------------------------------------------------
 
 void check_camera(JsonCheck& check, const json& camera, const std::string& path, json&) {
   const std::string type = camera["type"];
@@ -378,7 +392,8 @@ void check_extras(JsonCheck& check, const json& node, const std::string& path, j
 
 constexpr Member kInstancing[] = {required(accessors_by_name("attributes"))};
 constexpr Member kVisibility[] = {plain("visible", Kind::kBoolean)};
-constexpr Member kNodeExtensions[] = {object("EXT_mesh_gpu_instancing", kInstancing), object("KHR_node_visibility", kVisibility)};
+constexpr Member kNodeExtensions[] = {object("EXT_mesh_gpu_instancing", kInstancing),
+                                      object("KHR_node_visibility", kVisibility)};
 constexpr Member kNode[] = {text("name"),
                             indices("children", "nodes"),
                             index("mesh", "meshes"),
@@ -393,13 +408,13 @@ constexpr Member kScene[] = {text("name"), indices("nodes", "nodes")};
 
 constexpr Member kPerspective[] = {required(plain("yfov", Kind::kPositive)), plain("aspectRatio", Kind::kPositive),
                                    required(plain("znear", Kind::kPositive)), plain("zfar", Kind::kPositive)};
-constexpr Member kOrthographic[] = {
-    required(plain("xmag", Kind::kNumber)), required(plain("ymag", Kind::kNumber)),
-    required(plain("znear", Kind::kNumber)), required(plain("zfar", Kind::kNumber))};
+constexpr Member kOrthographic[] = {required(plain("xmag", Kind::kNumber)), required(plain("ymag", Kind::kNumber)),
+                                    required(plain("znear", Kind::kNumber)), required(plain("zfar", Kind::kNumber))};
 constexpr Member kCamera[] = {text("name"), required(text("type")), object("perspective", kPerspective),
                               object("orthographic", kOrthographic)};
 
-// --- animations --------------------------------------------------------------------------------------------------------
+// --- animations
+// --------------------------------------------------------------------------------------------------------
 
 // A channel without a target node belongs to an extension and is to be ignored (glTF 2.0 section 3.11).
 void check_animation(JsonCheck& check, const json& animation, const std::string& path, json& copy) {
@@ -420,8 +435,8 @@ constexpr Member kChannel[] = {required(whole("sampler", 0, kMaxInt)), required(
 constexpr Member kAnimation[] = {text("name"), required(objects("samplers", kSampler)),
                                  required(objects("channels", kChannel))};
 
-constexpr Member kSkin[] = {text("name"), required(indices("joints", "nodes")), index("inverseBindMatrices", "accessors"),
-                            index("skeleton", "nodes")};
+constexpr Member kSkin[] = {text("name"), required(indices("joints", "nodes")),
+                            index("inverseBindMatrices", "accessors"), index("skeleton", "nodes")};
 
 constexpr Member kBody[] = {withheld(objects("buffers", kBuffer)),
                             objects("bufferViews", kView, check_view),

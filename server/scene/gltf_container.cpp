@@ -35,8 +35,7 @@ Result<Chunk> chunk_at(std::span<const std::byte> glb, size_t offset, size_t ind
 }
 
 Result<std::span<const std::byte>> check_header(std::span<const std::byte> bytes) {
-  if (bytes.size() < kHeaderBytes)
-    return fail(ErrorCode::kDataLoss, "glb.header", "the file ends inside the header");
+  if (bytes.size() < kHeaderBytes) return fail(ErrorCode::kDataLoss, "glb.header", "the file ends inside the header");
   if (const uint32_t version = u32_at(bytes, 4); version != 2)
     return fail(ErrorCode::kUnsupported, "glb.header.version", "must be 2, got " + std::to_string(version));
   const size_t length = u32_at(bytes, 8);

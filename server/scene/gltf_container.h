@@ -16,8 +16,9 @@ struct GltfContainer {
   std::optional<std::span<const std::byte>> binary_chunk;  // absent in a .gltf and in a .glb without BIN
 };
 
-// Bytes that begin with "glTF" are a .glb, others a .gltf. A .glb whose header or chunks are longer than `bytes` is kDataLoss (fields
-// "glb.header", "glb.chunks[i]"). Chunks of unknown type and bytes after the stated length are ignored.
+// Bytes that begin with "glTF" are a .glb, others a .gltf. A .glb whose header or chunks are longer than `bytes` is
+// kDataLoss (fields "glb.header", "glb.chunks[i]"). Chunks of unknown type and bytes after the stated length are
+// ignored.
 Result<GltfContainer> split_gltf_container(std::span<const std::byte> bytes);
 
 }  // namespace sightline

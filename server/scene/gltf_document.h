@@ -40,13 +40,15 @@ struct GltfBudget {
   Status take_instances(size_t amount, const std::string& field);
 };
 
-// Every reference inside `json` and `model` is valid (gltf_check.cpp); the ranges of accessors are checked when they are read.
+// Every reference inside `json` and `model` is valid (gltf_check.cpp); the ranges of accessors are checked when they
+// are read.
 struct GltfDocument {
-  const nlohmann::json& json;  // the whole document
-  WorkLimit::Part& work;       // of the thread that reads it
-  tinygltf::Model model = {};  // of the checked members only
+  const nlohmann::json& json;                            // the whole document
+  WorkLimit::Part& work;                                 // of the thread that reads it
+  tinygltf::Model model = {};                            // of the checked members only
   std::vector<std::span<const std::byte>> buffers = {};  // one per buffer, exactly byteLength long
-  std::map<size_t, std::span<const std::byte>> unpacked_views = {};  // by buffer view: those that were packed and have been read
+  // by buffer view: those that were packed and have been read
+  std::map<size_t, std::span<const std::byte>> unpacked_views = {};
   std::deque<std::vector<std::byte>> owned = {};  // bytes of buffers and views that are not in the file itself
   std::vector<ContentHash> external_hashes = {};  // of each file read, in order
   GltfBudget budget = {};
@@ -62,9 +64,10 @@ inline Status go_on(GltfDocument& document) {
 // "nodes[3]", "meshes[0].primitives[1]"
 std::string gltf_path(const char* collection, size_t index);
 
-// gltf_mesh.cpp: every mesh as one geometry, and once more for each node that has it with a skin (gltf_skin.h). Those nodes then name the mesh of their own. The
-// nodes must have been read.
-Status read_gltf_meshes(GltfDocument& document, GeometryStore& store, const std::vector<int>& asset_node_of, SceneAsset& asset);
+// gltf_mesh.cpp: every mesh as one geometry, and once more for each node that has it with a skin (gltf_skin.h). Those
+// nodes then name the mesh of their own. The nodes must have been read.
+Status read_gltf_meshes(GltfDocument& document, GeometryStore& store, const std::vector<int>& asset_node_of,
+                        SceneAsset& asset);
 
 // gltf_nodes.cpp: cameras and the hierarchy of the default scene. `asset_node_of` gives the index in
 // asset.nodes of a node of the file, -1 for one outside the scene.

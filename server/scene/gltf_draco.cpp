@@ -12,8 +12,8 @@
 namespace sightline {
 namespace {
 
-// Memory that Draco needs for a face while it decodes, rounded up. It holds the face's corners, their opposites and vertices,
-// and the same again for each set of attributes with its own seams.
+// Memory that Draco needs for a face while it decodes, rounded up. It holds the face's corners, their opposites and
+// vertices, and the same again for each set of attributes with its own seams.
 constexpr size_t kWorkBytesPerFace = 128;
 constexpr size_t kWorkBytesPerFaceAndAttributeSet = 32;
 
@@ -22,7 +22,8 @@ struct Bounds {
   size_t max_bytes = 0;  // all that may be allocated
 };
 
-// One of Draco's decoders, stopped before it allocates more than the bounds. Draco itself trusts the sizes that a stream states.
+// One of Draco's decoders, stopped before it allocates more than the bounds. Draco itself trusts the sizes that a
+// stream states.
 template <typename Base>
 class BoundedDecoder : public Base {
  public:
@@ -54,10 +55,9 @@ class BoundedDecoder : public Base {
     draco::DecoderBuffer ahead = *this->buffer();
     uint32_t vertices = 0, faces = 0;
     uint8_t attribute_sets = 0;
-    const bool read = kEdgebreaker
-                          ? draco::DecodeVarint(&vertices, &ahead) && draco::DecodeVarint(&faces, &ahead) &&
-                                ahead.Decode(&attribute_sets)
-                          : draco::DecodeVarint(&faces, &ahead) && draco::DecodeVarint(&vertices, &ahead);
+    const bool read = kEdgebreaker ? draco::DecodeVarint(&vertices, &ahead) && draco::DecodeVarint(&faces, &ahead) &&
+                                         ahead.Decode(&attribute_sets)
+                                   : draco::DecodeVarint(&faces, &ahead) && draco::DecodeVarint(&vertices, &ahead);
     if (!read) return false;
     return within(faces <= bounds_.max_faces && vertices <= 3 * size_t{faces}) &&
            take(faces * (kWorkBytesPerFace + kWorkBytesPerFaceAndAttributeSet * attribute_sets));
@@ -105,10 +105,8 @@ class Unpacking {
     if (header.version_major != 2 || header.version_minor != 2)
       return fail(ErrorCode::kUnsupported, field_, "is not of Draco's bit stream 2.2");
     if (header.encoder_type != draco::TRIANGULAR_MESH) return damaged("holds no mesh");
-    if (header.encoder_method == draco::MESH_EDGEBREAKER_ENCODING)
-      return decode_with<draco::MeshEdgebreakerDecoder>();
-    if (header.encoder_method == draco::MESH_SEQUENTIAL_ENCODING)
-      return decode_with<draco::MeshSequentialDecoder>();
+    if (header.encoder_method == draco::MESH_EDGEBREAKER_ENCODING) return decode_with<draco::MeshEdgebreakerDecoder>();
+    if (header.encoder_method == draco::MESH_SEQUENTIAL_ENCODING) return decode_with<draco::MeshSequentialDecoder>();
     return damaged("is packed by an unknown method");
   }
 
@@ -127,14 +125,11 @@ class Unpacking {
     }
     out.indices.reserve(3 * size_t{mesh_.num_faces()});
     for (uint32_t i = 0; i < mesh_.num_faces(); ++i)
-      for (const draco::PointIndex& corner : mesh_.face(draco::FaceIndex(i)))
-        out.indices.push_back(corner.value());
+      for (const draco::PointIndex& corner : mesh_.face(draco::FaceIndex(i))) out.indices.push_back(corner.value());
     return out;
   }
 
-  const draco::PointAttribute* attribute(uint32_t unique_id) const {
-    return mesh_.GetAttributeByUniqueId(unique_id);
-  }
+  const draco::PointAttribute* attribute(uint32_t unique_id) const { return mesh_.GetAttributeByUniqueId(unique_id); }
 
  private:
   draco::DecoderBuffer start() const {
@@ -179,8 +174,7 @@ const tinygltf::Value* draco_packing(const tinygltf::Primitive& primitive) {
 Result<DracoMesh> unpack_draco(GltfDocument& document, const tinygltf::Value& packing, int position,
                                size_t max_triangles, const std::string& primitive_field) {
   const std::string field = primitive_field + ".extensions." + kDracoExtension;
-  const auto bytes =
-      gltf_view_bytes(document, static_cast<size_t>(packing.Get("bufferView").GetNumberAsInt()));
+  const auto bytes = gltf_view_bytes(document, static_cast<size_t>(packing.Get("bufferView").GetNumberAsInt()));
   if (!bytes) return tl::unexpected(bytes.error());
   const tinygltf::Accessor& accessor = document.model.accessors[static_cast<size_t>(position)];
   Unpacking unpacking(*bytes, {max_triangles, document.budget.unpacked_bytes}, document.work, field);

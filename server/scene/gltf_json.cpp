@@ -9,8 +9,9 @@ namespace {
 
 using nlohmann::json;
 
-// Builds the document while the text is parsed. The library's own way to look at each value meanwhile, a callback, goes through all
-// siblings again at the end of every container, which takes time that grows with the square of the text's length.
+// Builds the document while the text is parsed. The library's own way to look at each value meanwhile, a callback, goes
+// through all siblings again at the end of every container, which takes time that grows with the square of the text's
+// length.
 class Builder final : public json::json_sax_t {
  public:
   explicit Builder(const GltfLimits& limits) : limits_(limits), work_(limits.work) {}
@@ -44,7 +45,8 @@ class Builder final : public json::json_sax_t {
     return false;
   }
   bool counts() {
-    if (++values_ > limits_.max_json_values) return exceeds("has more than " + std::to_string(limits_.max_json_values) + " values");
+    if (++values_ > limits_.max_json_values)
+      return exceeds("has more than " + std::to_string(limits_.max_json_values) + " values");
     if (!work_.ends()) return true;
     error_ = limits_.work->error();
     return false;

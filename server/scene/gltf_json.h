@@ -1,6 +1,6 @@
-// Checks the JSON of a glTF file before tinygltf sees it, because tinygltf 2.7 recurses on nested values, skips what it cannot
-// parse, narrows integers silently and opens any path. So each member that the reader uses is checked here, once, by one table
-// (gltf_check.cpp), and tinygltf gets a copy that holds the checked members and no others.
+// Checks the JSON of a glTF file before tinygltf sees it, because tinygltf 2.7 recurses on nested values, skips what it
+// cannot parse, narrows integers silently and opens any path. So each member that the reader uses is checked here,
+// once, by one table (gltf_check.cpp), and tinygltf gets a copy that holds the checked members and no others.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -11,18 +11,18 @@
 
 namespace sightline {
 
-// Parses without recursion, in a time that grows with the length alone; stops at the first value beyond the limits of depth, number and
-// length, and when limits.work ends.
+// Parses without recursion, in a time that grows with the length alone; stops at the first value beyond the limits of
+// depth, number and length, and when limits.work ends.
 Result<nlohmann::json> parse_gltf_json(std::string_view text, const GltfLimits& limits);
 
-// Checks types, lengths and references. After success every index in the document refers to something that exists. Every number
-// that the reader uses is finite and in range. A version other than 2.x and a required extension that is not supported are
-// kUnsupported. Returns the copy for tinygltf: no buffers, images, URIs or extras, and of the extensions only those that
-// describe geometry.
+// Checks types, lengths and references. After success every index in the document refers to something that exists.
+// Every number that the reader uses is finite and in range. A version other than 2.x and a required extension that is
+// not supported are kUnsupported. Returns the copy for tinygltf: no buffers, images, URIs or extras, and of the
+// extensions only those that describe geometry.
 Result<nlohmann::json> check_gltf_json(const nlohmann::json& document, const GltfLimits& limits);
 
-// tinygltf refuses indices whose accessor has no buffer view, which a sparse one need not have; so the copy lists them among the
-// attributes, under this name.
+// tinygltf refuses indices whose accessor has no buffer view, which a sparse one need not have; so the copy lists them
+// among the attributes, under this name.
 inline constexpr const char* kIndicesAttribute = "#indices";
 
 }  // namespace sightline

@@ -32,22 +32,22 @@ bool is_see_through(const tinygltf::Model& model, const tinygltf::Primitive& pri
   if (transmission != material.extensions.end() && transmission->second.Has("transmissionFactor") &&
       1.0 - transmission->second.Get("transmissionFactor").GetNumberAsDouble() < static_cast<double>(kOccludingOpacity))
     return true;
-  return material.alphaMode == "BLEND" &&
-         material.pbrMetallicRoughness.baseColorFactor[3] < kOccludingOpacity;
+  return material.alphaMode == "BLEND" && material.pbrMetallicRoughness.baseColorFactor[3] < kOccludingOpacity;
 }
 
 // What only a texture makes transparent is not known: textures are not read.
 void warn_of_masks(GltfDocument& document) {
   for (size_t i = 0; i < document.model.materials.size(); ++i)
     if (document.model.materials[i].alphaMode == "MASK")
-      document.warnings.add(gltf_path("materials", i) + ".alphaMode: what a texture masks hides as if it were solid; switch `occludes` off where that matters");
+      document.warnings.add(
+          gltf_path("materials", i) +
+          ".alphaMode: what a texture masks hides as if it were solid; switch `occludes` off where that matters");
 }
 
 // How many triangles `count` vertices make; an Error when the count does not suit the mode.
 Result<size_t> triangles_of(int mode, size_t count, const std::string& field) {
   if (mode == TINYGLTF_MODE_TRIANGLES) {
-    if (count % 3 != 0)
-      return invalid(field, "triangles need a multiple of 3 vertices, got " + std::to_string(count));
+    if (count % 3 != 0) return invalid(field, "triangles need a multiple of 3 vertices, got " + std::to_string(count));
     return count / 3;
   }
   if (count < 3) return invalid(field, "a strip or fan needs 3 vertices, got " + std::to_string(count));
@@ -72,8 +72,8 @@ Status check_positions(const std::vector<glm::vec3>& positions, const std::strin
 Status check_sequence(const std::vector<uint32_t>& sequence, size_t vertex_count, const std::string& field) {
   for (size_t i = 0; i < sequence.size(); ++i)
     if (sequence[i] >= vertex_count)
-      return invalid(gltf_path(field.c_str(), i), "is " + std::to_string(sequence[i]) + ", there are " +
-                                                      std::to_string(vertex_count) + " vertices");
+      return invalid(gltf_path(field.c_str(), i),
+                     "is " + std::to_string(sequence[i]) + ", there are " + std::to_string(vertex_count) + " vertices");
   return {};
 }
 
@@ -110,13 +110,11 @@ void append(Corners from, Triangles& out) {
 }
 
 // Applies the limits before any of the primitive's data is read. Returns the number of its triangles.
-Result<size_t> plan_primitive(GltfDocument& document, int mode, int position, int indices,
-                              const std::string& field) {
+Result<size_t> plan_primitive(GltfDocument& document, int mode, int position, int indices, const std::string& field) {
   const auto& accessors = document.model.accessors;
   const size_t vertices = accessors[static_cast<size_t>(position)].count;
   const size_t length = indices >= 0 ? accessors[static_cast<size_t>(indices)].count : vertices;
-  const auto triangles =
-      triangles_of(mode, length, field + (indices >= 0 ? ".indices" : ".attributes.POSITION"));
+  const auto triangles = triangles_of(mode, length, field + (indices >= 0 ? ".indices" : ".attributes.POSITION"));
   if (!triangles) return triangles;
   if (const Status s = GltfBudget::take(document.budget.triangles, *triangles, field, "triangles"); !s)
     return tl::unexpected(s.error());
@@ -125,8 +123,7 @@ Result<size_t> plan_primitive(GltfDocument& document, int mode, int position, in
   return triangles;
 }
 
-Status read_accessors(GltfDocument& document, int position, int indices, const std::string& field,
-                      Corners& out) {
+Status read_accessors(GltfDocument& document, int position, int indices, const std::string& field, Corners& out) {
   auto positions = read_gltf_positions(document, position, field + ".attributes.POSITION");
   if (!positions) return tl::unexpected(std::move(positions.error()));
   auto sequence = read_sequence(document, indices, positions->size(), field + ".indices");
@@ -136,12 +133,11 @@ Status read_accessors(GltfDocument& document, int position, int indices, const s
   return {};
 }
 
-Status read_draco(GltfDocument& document, const tinygltf::Value& packing, int position,
-                  const std::string& field, Corners& out) {
+Status read_draco(GltfDocument& document, const tinygltf::Value& packing, int position, const std::string& field,
+                  Corners& out) {
   auto unpacked = unpack_draco(document, packing, position, out.triangle_count, field);
   if (!unpacked) return tl::unexpected(std::move(unpacked.error()));
-  auto positions =
-      read_gltf_positions(document, position, unpacked->positions, field + ".attributes.POSITION");
+  auto positions = read_gltf_positions(document, position, unpacked->positions, field + ".attributes.POSITION");
   if (!positions) return tl::unexpected(std::move(positions.error()));
   out.mode = TINYGLTF_MODE_TRIANGLES;
   out.triangle_count = unpacked->indices.size() / 3;
@@ -165,14 +161,13 @@ Status read_triangles(GltfDocument& document, const tinygltf::Primitive& primiti
   else if (skin)
     if (const Status s = apply_gltf_skin(document, *skin, primitive, field, corners.positions); !s) return s;
   if (const Status s = check_positions(corners.positions, field + ".attributes.POSITION"); !s) return s;
-  if (const Status s = check_sequence(corners.sequence, corners.positions.size(), field + ".indices"); !s)
-    return s;
+  if (const Status s = check_sequence(corners.sequence, corners.positions.size(), field + ".indices"); !s) return s;
   append(std::move(corners), out);
   return {};
 }
 
-Status read_primitive(GltfDocument& document, const tinygltf::Primitive& primitive, const GltfSkin* skin, const std::string& field,
-                      Triangles& out) {
+Status read_primitive(GltfDocument& document, const tinygltf::Primitive& primitive, const GltfSkin* skin,
+                      const std::string& field, Triangles& out) {
   const int position = accessor_of(primitive, "POSITION");
   if (primitive.mode < TINYGLTF_MODE_TRIANGLES) {
     document.warnings.add(field + ": points and lines are skipped");
@@ -197,21 +192,22 @@ MeshData join(Triangles occluding, const Triangles& see_through) {
 }
 
 // Joins all primitives; the result has no indices when none of them has triangles.
-Result<MeshData> read_mesh(GltfDocument& document, const tinygltf::Mesh& mesh, const GltfSkin* skin, const std::string& field) {
+Result<MeshData> read_mesh(GltfDocument& document, const tinygltf::Mesh& mesh, const GltfSkin* skin,
+                           const std::string& field) {
   Triangles occluding, see_through;
   for (size_t i = 0; i < mesh.primitives.size(); ++i) {
     if (document.work.ends(256)) return tl::unexpected(document.work.limit()->error());
     Triangles& out = is_see_through(document.model, mesh.primitives[i]) ? see_through : occluding;
-    const Status status =
-        read_primitive(document, mesh.primitives[i], skin, field + "." + gltf_path("primitives", i), out);
+    const Status status = read_primitive(document, mesh.primitives[i], skin, field + "." + gltf_path("primitives", i),
+                                         out);
     if (!status) return tl::unexpected(status.error());
   }
   return join(std::move(occluding), see_through);
 }
 
 // Null when all triangles are degenerate, or there are none.
-Result<std::shared_ptr<const Geometry>> build_mesh(MeshData mesh, const std::string& field,
-                                                   GeometryStore& store, WorkLimit* work) {
+Result<std::shared_ptr<const Geometry>> build_mesh(MeshData mesh, const std::string& field, GeometryStore& store,
+                                                   WorkLimit* work) {
   if (mesh.indices.empty()) return nullptr;
   auto geometry = store.intern(std::move(mesh), work);
   if (!geometry && work && work->ended()) return geometry;
@@ -237,7 +233,8 @@ std::vector<bool> meshes_without_skin(const tinygltf::Model& model) {
   return plain;
 }
 
-Status read_skinned(GltfDocument& document, const std::vector<int>& asset_node_of, SceneAsset& asset, std::vector<ReadMesh>& read) {
+Status read_skinned(GltfDocument& document, const std::vector<int>& asset_node_of, SceneAsset& asset,
+                    std::vector<ReadMesh>& read) {
   const std::vector<Affine> world_from_node = rest_world_from_node(asset);
   for (size_t i = 0; i < document.model.nodes.size(); ++i) {
     const tinygltf::Node& node = document.model.nodes[i];
@@ -258,7 +255,8 @@ Status read_skinned(GltfDocument& document, const std::vector<int>& asset_node_o
 
 }  // namespace
 
-Status read_gltf_meshes(GltfDocument& document, GeometryStore& store, const std::vector<int>& asset_node_of, SceneAsset& asset) {
+Status read_gltf_meshes(GltfDocument& document, GeometryStore& store, const std::vector<int>& asset_node_of,
+                        SceneAsset& asset) {
   const auto& meshes = document.model.meshes;
   warn_of_masks(document);
   const std::vector<bool> plain = meshes_without_skin(document.model);
@@ -272,8 +270,9 @@ Status read_gltf_meshes(GltfDocument& document, GeometryStore& store, const std:
   }
   if (const Status s = read_skinned(document, asset_node_of, asset, read); !s) return s;
   std::vector<Result<std::shared_ptr<const Geometry>>> built(read.size());
-  parallel_for(read.size(),
-               [&](size_t i) { built[i] = build_mesh(std::move(read[i].data), read[i].field, store, document.work.limit()); });
+  parallel_for(read.size(), [&](size_t i) {
+    built[i] = build_mesh(std::move(read[i].data), read[i].field, store, document.work.limit());
+  });
   for (auto& geometry : built) {
     if (!geometry) return tl::unexpected(std::move(geometry.error()));
     asset.meshes.push_back(std::move(*geometry));

@@ -22,8 +22,8 @@ struct Stream {
   const unsigned char* data() const { return reinterpret_cast<const unsigned char*>(bytes.data()); }
 };
 
-// The length of the shortest stream for the number of elements (appendix A of the extension): two bits for each byte of 16 elements, one
-// byte for each triangle, one byte for each index.
+// The length of the shortest stream for the number of elements (appendix A of the extension): two bits for each byte of
+// 16 elements, one byte for each triangle, one byte for each index.
 size_t shortest_stream(const Stream& stream) {
   if (stream.mode == "TRIANGLES") return 1 + stream.count / 3 + 16;
   if (stream.mode == "INDICES") return 1 + stream.count + 4;
@@ -32,13 +32,11 @@ size_t shortest_stream(const Stream& stream) {
 
 bool decode(const Stream& stream, std::vector<std::byte>& out) {
   if (stream.mode == "TRIANGLES")
-    return meshopt_decodeIndexBuffer(out.data(), stream.count, stream.stride, stream.data(),
-                                     stream.bytes.size()) == 0;
+    return meshopt_decodeIndexBuffer(out.data(), stream.count, stream.stride, stream.data(), stream.bytes.size()) == 0;
   if (stream.mode == "INDICES")
-    return meshopt_decodeIndexSequence(out.data(), stream.count, stream.stride, stream.data(),
-                                       stream.bytes.size()) == 0;
-  return meshopt_decodeVertexBuffer(out.data(), stream.count, stream.stride, stream.data(),
-                                    stream.bytes.size()) == 0;
+    return meshopt_decodeIndexSequence(out.data(), stream.count, stream.stride, stream.data(), stream.bytes.size()) ==
+           0;
+  return meshopt_decodeVertexBuffer(out.data(), stream.count, stream.stride, stream.data(), stream.bytes.size()) == 0;
 }
 
 void apply_filter(const Stream& stream, std::vector<std::byte>& out) {
@@ -52,9 +50,8 @@ Result<Stream> stream_of(const json& packing, const GltfDocument& document, cons
   const size_t offset = packing.value("byteOffset", size_t{0}), length = packing["byteLength"].get<size_t>();
   if (offset > buffer.size() || length > buffer.size() - offset)
     return fail(ErrorCode::kDataLoss, field, "reaches beyond its buffer");
-  return Stream{buffer.subspan(offset, length), packing["count"].get<size_t>(),
-                packing["byteStride"].get<size_t>(), packing["mode"].get<std::string>(),
-                packing.value("filter", std::string("NONE"))};
+  return Stream{buffer.subspan(offset, length), packing["count"].get<size_t>(), packing["byteStride"].get<size_t>(),
+                packing["mode"].get<std::string>(), packing.value("filter", std::string("NONE"))};
 }
 
 }  // namespace
@@ -79,8 +76,7 @@ std::vector<bool> meshopt_fallback_buffers(const json& document) {
 }
 
 Result<std::span<const std::byte>> unpack_meshopt_view(GltfDocument& document, size_t view, const json& packing) {
-  if (const auto done = document.unpacked_views.find(view); done != document.unpacked_views.end())
-    return done->second;
+  if (const auto done = document.unpacked_views.find(view); done != document.unpacked_views.end()) return done->second;
   const std::string field = gltf_path("bufferViews", view).append(".extensions.").append(kMeshoptExtension);
   const auto stream = stream_of(packing, document, field);
   if (!stream) return tl::unexpected(stream.error());

@@ -34,8 +34,7 @@ bool decompose(const Affine& a, AssetNode& node) {
   return true;
 }
 
-Status read_matrix(const std::vector<double>& m, const std::string& field, GltfWarnings& warnings,
-                   AssetNode& node) {
+Status read_matrix(const std::vector<double>& m, const std::string& field, GltfWarnings& warnings, AssetNode& node) {
   if (m[3] != 0.0 || m[7] != 0.0 || m[11] != 0.0 || m[15] != 1.0)
     return invalid(field + ".matrix", "must have the last row 0 0 0 1");
   node.parent_from_node = Affine(m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10], m[12], m[13], m[14]);
@@ -80,14 +79,11 @@ Status read_gpu_instances(GltfDocument& document, const tinygltf::Value& extensi
     const int accessor = attributes.Get(attribute->name).GetNumberAsInt();
     const size_t elements = document.model.accessors[static_cast<size_t>(accessor)].count;
     const std::string attribute_field = field + ".attributes." + attribute->name;
-    if (count.value_or(elements) != elements)
-      return invalid(attribute_field, "must be as long as the others");
+    if (count.value_or(elements) != elements) return invalid(attribute_field, "must be as long as the others");
     if (!count)
-      if (const Status s = document.budget.take_instances(elements, field); !s)
-        return s;
+      if (const Status s = document.budget.take_instances(elements, field); !s) return s;
     count = elements;
-    auto values =
-        read_gltf_floats(document, accessor, attribute->components, attribute->allowed, attribute_field);
+    auto values = read_gltf_floats(document, accessor, attribute->components, attribute->allowed, attribute_field);
     if (!values) return tl::unexpected(std::move(values.error()));
     attribute->values = std::move(*values);
   }
@@ -96,8 +92,7 @@ Status read_gpu_instances(GltfDocument& document, const tinygltf::Value& extensi
       return v.empty() ? glm::dvec3(otherwise) : glm::dvec3(v[3 * i], v[3 * i + 1], v[3 * i + 2]);
     };
     glm::dquat r(1.0, 0.0, 0.0, 0.0);
-    if (const auto& v = rotation.values; !v.empty())
-      r = glm::dquat(v[4 * i + 3], v[4 * i], v[4 * i + 1], v[4 * i + 2]);
+    if (const auto& v = rotation.values; !v.empty()) r = glm::dquat(v[4 * i + 3], v[4 * i], v[4 * i + 1], v[4 * i + 2]);
     if (!normalize(r))
       return invalid(gltf_path((field + ".attributes.ROTATION").c_str(), i), "must be a unit quaternion");
     instances.push_back(make_affine(vec3_at(translation.values, 0.0), r, vec3_at(scale.values, 1.0)));
@@ -105,12 +100,10 @@ Status read_gpu_instances(GltfDocument& document, const tinygltf::Value& extensi
   return {};
 }
 
-Status read_instances(GltfDocument& document, const tinygltf::Node& source, const std::string& field,
-                      AssetNode& node) {
+Status read_instances(GltfDocument& document, const tinygltf::Node& source, const std::string& field, AssetNode& node) {
   if (source.mesh < 0) return {};
   if (const auto it = source.extensions.find("EXT_mesh_gpu_instancing"); it != source.extensions.end())
-    return read_gpu_instances(document, it->second, field + ".extensions.EXT_mesh_gpu_instancing",
-                              node.gpu_instances);
+    return read_gpu_instances(document, it->second, field + ".extensions.EXT_mesh_gpu_instancing", node.gpu_instances);
   return document.budget.take_instances(1, field);
 }
 
@@ -160,15 +153,14 @@ Result<std::vector<int>> find_parents(const tinygltf::Model& model) {
     for (const int child : model.nodes[i].children) {
       int& known = parent[static_cast<size_t>(child)];
       if (known >= 0)
-        return invalid(gltf_path("nodes", i) + ".children",
-                       "node " + std::to_string(child) + " has two parents");
+        return invalid(gltf_path("nodes", i) + ".children", "node " + std::to_string(child) + " has two parents");
       known = static_cast<int>(i);
     }
   return parent;
 }
 
-// As each node has at most one parent, the walk visits each node at most once. A node that no root reaches is on or below a
-// cycle. The depth is bounded, because later code may recurse over the hierarchy of a hostile file.
+// As each node has at most one parent, the walk visits each node at most once. A node that no root reaches is on or
+// below a cycle. The depth is bounded, because later code may recurse over the hierarchy of a hostile file.
 Status check_hierarchy(const tinygltf::Model& model, const std::vector<int>& parent, int max_depth) {
   std::vector<int> depth(parent.size(), 0);
   std::vector<size_t> open;
@@ -244,8 +236,7 @@ Status check_world(const SceneAsset& asset, const std::vector<int>& asset_node_o
     bool sound = within_reach(world_from_node[node]);
     for (const Affine& instance : asset.nodes[node].gpu_instances)
       sound = sound && within_reach(compose(world_from_node[node], instance));
-    if (!sound)
-      return invalid(gltf_path("nodes", i), "its transform in the world is not finite or beyond 1e12 m");
+    if (!sound) return invalid(gltf_path("nodes", i), "its transform in the world is not finite or beyond 1e12 m");
   }
   return {};
 }
@@ -272,7 +263,8 @@ Status read_gltf_nodes(GltfDocument& document, const GltfLimits& limits, SceneAs
     auto node = read_node(document, index, asset_camera_of);
     if (!node) return tl::unexpected(std::move(node.error()));
     if ((*parent)[index] >= 0) node->parent = asset_node_of[static_cast<size_t>((*parent)[index])];
-    hidden.push_back(is_hidden(document.json["nodes"][index]) || (node->parent >= 0 && hidden[static_cast<size_t>(node->parent)]));
+    hidden.push_back(is_hidden(document.json["nodes"][index]) ||
+                     (node->parent >= 0 && hidden[static_cast<size_t>(node->parent)]));
     if (hidden.back()) node->attributes.visible = false;
     asset_node_of[index] = static_cast<int>(asset.nodes.size());
     asset.nodes.push_back(std::move(*node));

@@ -1,5 +1,6 @@
-// Skins (glTF 2.0 section 3.7.3.3): the vertices of a mesh where the joints of a skin put them, in the pose of the file. The transform of the node that has the
-// mesh does not count for a skinned mesh. But whoever moves that node, or a node above it, moves the whole body: so vertices are kept in its frame.
+// Skins (glTF 2.0 section 3.7.3.3): the vertices of a mesh where the joints of a skin put them, in the pose of the
+// file. The transform of the node that has the mesh does not count for a skinned mesh. But whoever moves that node, or
+// a node above it, moves the whole body: so vertices are kept in its frame.
 #pragma once
 
 #include <optional>
@@ -13,15 +14,18 @@ struct GltfSkin {
   std::vector<Affine> node_from_vertex;  // by joint; the node is the one that has the mesh
 };
 
-// The skin of a node of the file. `asset_node_of` and `world_from_node` give the scene's nodes at rest. Empty, with a warning, where the skin cannot be
-// used: a joint is not in the scene, or the node is flattened. `field` names the node. Fails where the accessor of its matrices is damaged or too short.
-Result<std::optional<GltfSkin>> read_gltf_skin(GltfDocument& document, size_t node, const std::vector<int>& asset_node_of,
+// The skin of a node of the file. `asset_node_of` and `world_from_node` give the scene's nodes at rest. Empty, with a
+// warning, where the skin cannot be used: a joint is not in the scene, or the node is flattened. `field` names the
+// node. Fails where the accessor of its matrices is damaged or too short.
+Result<std::optional<GltfSkin>> read_gltf_skin(GltfDocument& document, size_t node,
+                                               const std::vector<int>& asset_node_of,
                                                const std::vector<Affine>& world_from_node, const std::string& field);
 
-// Moves the vertices of a primitive to where the skin puts them. A vertex without weights belongs to its first joint; a primitive without joints stays as it is, with a
-// warning. `field` names the primitive. Fails with kInvalidArgument where weights are missing beside joints, where they are not as many as the vertices, and
-// where a joint is named that the skin lacks.
-Status apply_gltf_skin(GltfDocument& document, const GltfSkin& skin, const tinygltf::Primitive& primitive, const std::string& field,
-                       std::vector<glm::vec3>& positions);
+// Moves the vertices of a primitive to where the skin puts them. A vertex without weights belongs to its first joint; a
+// primitive without joints stays as it is, with a warning. `field` names the primitive. Fails with kInvalidArgument
+// where weights are missing beside joints, where they are not as many as the vertices, and where a joint is named that
+// the skin lacks.
+Status apply_gltf_skin(GltfDocument& document, const GltfSkin& skin, const tinygltf::Primitive& primitive,
+                       const std::string& field, std::vector<glm::vec3>& positions);
 
 }  // namespace sightline

@@ -21,8 +21,7 @@ glm::dmat3 linear_of(const Affine& a) {
 double greatest_difference(const Affine& a, const Affine& b) {
   double greatest = 0.0;
   for (int column = 0; column < 4; ++column)
-    for (int row = 0; row < 3; ++row)
-      greatest = std::max(greatest, std::abs(a[column][row] - b[column][row]));
+    for (int row = 0; row < 3; ++row) greatest = std::max(greatest, std::abs(a[column][row] - b[column][row]));
   return greatest;
 }
 
@@ -51,8 +50,7 @@ std::vector<Pose> rest_poses(const SceneAsset& asset, const std::vector<Affine>&
   std::vector<Pose> poses(asset.nodes.size());
   for (size_t i = 0; i < poses.size(); ++i) {
     const int parent = asset.nodes[i].parent;
-    const glm::dquat above =
-        parent < 0 ? glm::dquat(1, 0, 0, 0) : poses[static_cast<size_t>(parent)].rotation;
+    const glm::dquat above = parent < 0 ? glm::dquat(1, 0, 0, 0) : poses[static_cast<size_t>(parent)].rotation;
     poses[i] = {world_from_node[i][3], glm::normalize(above * local_rotation(asset.nodes[i]))};
   }
   return poses;
@@ -77,10 +75,8 @@ void for_each_drawable(const SceneAsset& asset, const std::vector<Affine>& world
     if (node.gpu_instances.empty()) visit(Drawable{i, world_from_node[i], poses[i], geometry});
     for (const Affine& node_from_instance : node.gpu_instances) {
       const Affine world = compose(world_from_node[i], node_from_instance);
-      visit(Drawable{i,
-                     world,
-                     {world[3], glm::normalize(poses[i].rotation * rotation_of(node_from_instance))},
-                     geometry});
+      visit(Drawable{
+          i, world, {world[3], glm::normalize(poses[i].rotation * rotation_of(node_from_instance))}, geometry});
     }
   }
 }
@@ -139,8 +135,7 @@ class Instantiation {
   // Step 1: which node each binding names.
   Status bind() {
     std::unordered_map<std::string_view, std::vector<int>> by_name;
-    for (size_t i = 0; i < asset_.nodes.size(); ++i)
-      by_name[asset_.nodes[i].name].push_back(static_cast<int>(i));
+    for (size_t i = 0; i < asset_.nodes.size(); ++i) by_name[asset_.nodes[i].name].push_back(static_cast<int>(i));
     std::unordered_set<uint64_t> ids;
     binding_of_.assign(asset_.nodes.size(), kUnbound);
     for (size_t b = 0; b < bindings_.size(); ++b) {
@@ -184,8 +179,7 @@ class Instantiation {
         ok = fail(ErrorCode::kResourceExhausted, field(static_cast<size_t>(b), "node"), "too many vertices");
         return;
       }
-      into.append(*drawable.geometry, compose(inverse(rigid(poses_[top])), drawable.world_from_mesh),
-                  occludes);
+      into.append(*drawable.geometry, compose(inverse(rigid(poses_[top])), drawable.world_from_mesh), occludes);
       single[static_cast<size_t>(b)] = drawable.geometry;
     });
     for (size_t b = 0; b < bindings_.size() && ok; ++b) ok = add_bound(b, merged[b], single[b]);
@@ -193,8 +187,7 @@ class Instantiation {
   }
 
   Status add_bound(size_t b, Merged& merged, const std::shared_ptr<const Geometry>& single) {
-    auto geometry =
-        merged.only() ? Result<std::shared_ptr<const Geometry>>(single) : store_.intern(merged.take());
+    auto geometry = merged.only() ? Result<std::shared_ptr<const Geometry>>(single) : store_.intern(merged.take());
     if (!geometry) return bad_transform(bound_node_[b]);
     if ((*geometry)->triangle_count() == 0)
       return invalid(field(b, "node"), "\"" + bindings_[b].node_name + "\" has no triangles below it");
@@ -246,8 +239,8 @@ class Instantiation {
   }
 
   Status bad_transform(size_t node) const {
-    return invalid(
-        "asset", "node \"" + asset_.nodes[node].name + "\": its position or size is not finite or beyond 1e9 m");
+    return invalid("asset",
+                   "node \"" + asset_.nodes[node].name + "\": its position or size is not finite or beyond 1e9 m");
   }
 
   static std::string field(size_t binding, const char* member) {

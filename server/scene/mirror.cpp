@@ -57,28 +57,27 @@ uint64_t hash_record(const Instance& instance) {
   const glm::dvec3& p = instance.pose.position_m;
   const glm::dquat& q = instance.pose.rotation;
   const glm::dmat3& m = instance.linear;
-  const std::array<uint64_t, 21> record = {
-      instance.id,
-      instance.geometry->hash.high,
-      instance.geometry->hash.low,
-      uint64_t{std::bit_cast<uint32_t>(a.opacity)} << 32 | a.layers,
-      uint64_t{a.occludes} | uint64_t{a.collides} << 1 | uint64_t{a.visible} << 2,
-      bits(p.x),
-      bits(p.y),
-      bits(p.z),
-      bits(q.x),
-      bits(q.y),
-      bits(q.z),
-      bits(q.w),
-      bits(m[0].x),
-      bits(m[0].y),
-      bits(m[0].z),
-      bits(m[1].x),
-      bits(m[1].y),
-      bits(m[1].z),
-      bits(m[2].x),
-      bits(m[2].y),
-      bits(m[2].z)};
+  const std::array<uint64_t, 21> record = {instance.id,
+                                           instance.geometry->hash.high,
+                                           instance.geometry->hash.low,
+                                           uint64_t{std::bit_cast<uint32_t>(a.opacity)} << 32 | a.layers,
+                                           uint64_t{a.occludes} | uint64_t{a.collides} << 1 | uint64_t{a.visible} << 2,
+                                           bits(p.x),
+                                           bits(p.y),
+                                           bits(p.z),
+                                           bits(q.x),
+                                           bits(q.y),
+                                           bits(q.z),
+                                           bits(q.w),
+                                           bits(m[0].x),
+                                           bits(m[0].y),
+                                           bits(m[0].z),
+                                           bits(m[1].x),
+                                           bits(m[1].y),
+                                           bits(m[1].z),
+                                           bits(m[2].x),
+                                           bits(m[2].y),
+                                           bits(m[2].z)};
   return hash64_bytes(std::as_bytes(std::span(record)));
 }
 
@@ -150,8 +149,7 @@ Status SceneMirror::apply(const SceneDelta& delta, const TransformUpdate& transf
     apply_structure(delta);
     ++revision_;
   }
-  for (size_t i = 0; i < transforms.ids.size(); ++i)
-    move(slot_by_id_.find(transforms.ids[i])->second, transforms, i);
+  for (size_t i = 0; i < transforms.ids.size(); ++i) move(slot_by_id_.find(transforms.ids[i])->second, transforms, i);
   if (moving_slots_untidy_) tidy_moving_slots();
   if (!delta.empty() || !transforms.ids.empty()) ++version_;
   return {};
@@ -203,15 +201,15 @@ Status SceneMirror::check_structure(const SceneDelta& delta, Pending& pending) c
   return {};
 }
 
-Status SceneMirror::check_add(const NewInstance& instance, const std::string& field,
-                              bool asset_ids_allowed) const {
+Status SceneMirror::check_add(const NewInstance& instance, const std::string& field, bool asset_ids_allowed) const {
   if (instance.id == 0) return invalid(field + ".id", "0 is not an id");
   if (!asset_ids_allowed && (instance.id & kAssetIdBit) != 0)
     return invalid(field + ".id", "ids from 2^63 up belong to the nodes of a loaded scene");
   if (!instance.geometry) return invalid(field + ".geometry", "is missing");
   if (Status ok = check_pose(instance.pose, field + ".pose"); !ok) return ok;
   if (!is_valid_linear(instance.linear))
-    return invalid(field + ".linear", "must be finite and invertible, no entry beyond 1e6, and none of the inverse beyond 1e8");
+    return invalid(field + ".linear",
+                   "must be finite and invertible, no entry beyond 1e6, and none of the inverse beyond 1e8");
   if (const double reach_m = reach_of(*instance.geometry, instance.linear); !(reach_m <= kMaxCoordinateM))
     return invalid(field + ".linear", "makes the instance too large: it must lie within 1e9 m of its own origin");
   return check_attributes(instance.attributes, field + ".attributes");
@@ -222,23 +220,25 @@ Status SceneMirror::check_transforms(const TransformUpdate& transforms, Pending&
   if (poses.size() != ids.size()) return invalid("poses", "must be as many as ids");
   if (!velocities.empty() && velocities.size() != ids.size())
     return invalid("velocities_mps", "must be none or as many as ids");
-  if (!turns.empty() && turns.size() != ids.size()) return invalid("angular_velocities_radps", "must be none or as many as ids");
-  if (!corrections.empty() && corrections.size() != ids.size()) return invalid("corrections_m", "must be none or as many as ids");
+  if (!turns.empty() && turns.size() != ids.size())
+    return invalid("angular_velocities_radps", "must be none or as many as ids");
+  if (!corrections.empty() && corrections.size() != ids.size())
+    return invalid("corrections_m", "must be none or as many as ids");
   ++message_;
   for (size_t i = 0; i < ids.size(); ++i) {
     const auto slot = slot_by_id_.find(ids[i]);
     const bool stays = slot != slot_by_id_.end() && !pending.removed.contains(ids[i]);
     if (!stays && !pending.added.contains(ids[i]))
       return fail(ErrorCode::kNotFound, indexed("ids", i), "no such instance");
-    const bool is_first = slot == slot_by_id_.end()
-                              ? pending.added_and_moved.insert(ids[i]).second
-                              : std::exchange(named_in_[slot->second], message_) != message_;
+    const bool is_first = slot == slot_by_id_.end() ? pending.added_and_moved.insert(ids[i]).second
+                                                    : std::exchange(named_in_[slot->second], message_) != message_;
     if (!is_first) return invalid(indexed("ids", i), "named twice");
     if (!position_is_valid(poses[i].position_m) || !rotation_is_valid(poses[i].rotation))
       return check_pose(poses[i], indexed("poses", i));
     if (!velocities.empty() && !is_finite(velocities[i]))
       return invalid(indexed("velocities_mps", i), "must be finite");
-    if (!turns.empty() && !is_finite(turns[i])) return invalid(indexed("angular_velocities_radps", i), "must be finite");
+    if (!turns.empty() && !is_finite(turns[i]))
+      return invalid(indexed("angular_velocities_radps", i), "must be finite");
   }
   return {};
 }
@@ -311,7 +311,8 @@ void SceneMirror::move(uint32_t slot, const TransformUpdate& transforms, size_t 
   instance.correction_m = transforms.corrections_m.empty() ? glm::dvec3(0.0) : transforms.corrections_m[i];
   instance.pose = {transforms.poses[i].position_m, glm::normalize(transforms.poses[i].rotation)};
   if (!transforms.velocities_mps.empty()) instance.velocity_mps = transforms.velocities_mps[i];
-  if (!transforms.angular_velocities_radps.empty()) instance.angular_velocity_radps = transforms.angular_velocities_radps[i];
+  if (!transforms.angular_velocities_radps.empty())
+    instance.angular_velocity_radps = transforms.angular_velocities_radps[i];
   place(slot);
   if (instance.moving) return;
   touch(instance);  // it leaves the static set ...
@@ -328,7 +329,8 @@ void SceneMirror::touch(const Instance& instance) {
 void SceneMirror::place(uint32_t slot) {
   Instance& instance = slots_[slot];
   const glm::dmat3 linear = glm::mat3_cast(instance.pose.rotation) * instance.linear;
-  instance.world_from_instance = Affine(linear[0], linear[1], linear[2], instance.pose.position_m + instance.correction_m);
+  instance.world_from_instance = Affine(linear[0], linear[1], linear[2],
+                                        instance.pose.position_m + instance.correction_m);
   instance.center_m = transform_point(instance.world_from_instance, instance.geometry->center);
   refresh_hash(slot);
 }

@@ -30,8 +30,7 @@ void add_ring(const ProfilePoint& point, std::vector<glm::vec3>& positions) {
 }
 
 // Triangles between two consecutive rings; either may be a pole.
-void add_band(uint32_t low, bool low_is_pole, uint32_t high, bool high_is_pole,
-              std::vector<uint32_t>& indices) {
+void add_band(uint32_t low, bool low_is_pole, uint32_t high, bool high_is_pole, std::vector<uint32_t>& indices) {
   for (uint32_t i = 0; i < kSegments; ++i) {
     const uint32_t j = (i + 1) % kSegments;
     if (!low_is_pole) indices.insert(indices.end(), {low + i, low + j, high_is_pole ? high : high + j});
@@ -46,8 +45,7 @@ MeshData revolve(const std::vector<ProfilePoint>& profile) {
   for (size_t k = 0; k < profile.size(); ++k) {
     const auto first = static_cast<uint32_t>(mesh.positions.size());
     add_ring(profile[k], mesh.positions);
-    if (k > 0)
-      add_band(previous, profile[k - 1].radius_m == 0, first, profile[k].radius_m == 0, mesh.indices);
+    if (k > 0) add_band(previous, profile[k - 1].radius_m == 0, first, profile[k].radius_m == 0, mesh.indices);
     previous = first;
   }
   return mesh;
@@ -69,8 +67,7 @@ MeshData revolve_capsule(double radius_m, double half_height_m) {
 
 Result<MeshData> make(const BoxShape& box) {
   for (int axis = 0; axis < 3; ++axis)
-    if (Status ok = check_size("half_extent_m", box.half_extent_m[axis]); !ok)
-      return tl::unexpected(ok.error());
+    if (Status ok = check_size("half_extent_m", box.half_extent_m[axis]); !ok) return tl::unexpected(ok.error());
   MeshData mesh;
   // Corner number: bit 0 = +x, bit 1 = +y, bit 2 = +z.
   for (int i = 0; i < 8; ++i)
@@ -89,8 +86,7 @@ Result<MeshData> make(const SphereShape& sphere) {
 Result<MeshData> make(const CapsuleShape& capsule) {
   if (Status ok = check_size("radius_m", capsule.radius_m); !ok) return tl::unexpected(ok.error());
   if (capsule.half_height_m != 0)
-    if (Status ok = check_size("half_height_m", capsule.half_height_m); !ok)
-      return tl::unexpected(ok.error());
+    if (Status ok = check_size("half_height_m", capsule.half_height_m); !ok) return tl::unexpected(ok.error());
   return revolve_capsule(capsule.radius_m, capsule.half_height_m);
 }
 
@@ -114,7 +110,8 @@ Result<MeshData> tessellate(std::span<const PlacedShape> shapes) {
     if (!part) return fail(part.error().code, indexed("", i) + '.' + part.error().field, part.error().message);
     const auto first = static_cast<uint32_t>(body.positions.size());
     const Pose& place = shapes[i].body_from_shape;
-    for (const glm::vec3& p : part->positions) body.positions.emplace_back(place.position_m + place.rotation * glm::dvec3(p));
+    for (const glm::vec3& p : part->positions)
+      body.positions.emplace_back(place.position_m + place.rotation * glm::dvec3(p));
     for (const uint32_t index : part->indices) body.indices.push_back(first + index);
   }
   return body;

@@ -1,9 +1,9 @@
-// Shapes without a mesh: box, sphere, capsule, cylinder, and bodies of several of them. They become ordinary triangle geometry, so that both
-// samplers, the clearance query and the truth renderer see the same surface.
+// Shapes without a mesh: box, sphere, capsule, cylinder, and bodies of several of them. They become ordinary triangle
+// geometry, so that both samplers, the clearance query and the truth renderer see the same surface.
 //
 // Every shape is centred on the origin of its own frame; the long axis of capsule and cylinder is +Y. Round shapes are
-// inscribed polyhedra with vertices on the true surface (32 segments around). The distance between the true and the tessellated
-// surface is under 1 % of the radius.
+// inscribed polyhedra with vertices on the true surface (32 segments around). The distance between the true and the
+// tessellated surface is under 1 % of the radius.
 #pragma once
 
 #include <span>
@@ -41,8 +41,8 @@ struct PlacedShape {
   Pose body_from_shape;
 };
 
-// The shapes as one mesh, in the frame of the body. Shapes that overlap keep their inner surfaces. Fails as above for the first wrong shape,
-// field = "[i].radius_m" and so on.
+// The shapes as one mesh, in the frame of the body. Shapes that overlap keep their inner surfaces. Fails as above for
+// the first wrong shape, field = "[i].radius_m" and so on.
 Result<MeshData> tessellate(std::span<const PlacedShape> shapes);
 
 }  // namespace sightline

@@ -39,16 +39,20 @@ struct BoxRay {
 constexpr double kBeforeEnd = 1.0 - 1e-6;
 
 // Moeller & Trumbore, as in RayCaster, for one triangle in double precision.
-bool crosses_triangle(const Geometry& geometry, uint32_t first_index, const glm::dvec3& from_m, const glm::dvec3& way_m) {
+bool crosses_triangle(const Geometry& geometry, uint32_t first_index, const glm::dvec3& from_m,
+                      const glm::dvec3& way_m) {
   const auto corner = [&](uint32_t k) { return glm::dvec3(geometry.positions[geometry.indices[first_index + k]]); };
   const glm::dvec3 a = corner(0), ab = corner(1) - a, ac = corner(2) - a;
   const glm::dvec3 p = glm::cross(way_m, ac), s = from_m - a, q = glm::cross(s, ab);
   const double inverse_det = 1.0 / glm::dot(ab, p);
-  const double u = glm::dot(s, p) * inverse_det, v = glm::dot(way_m, q) * inverse_det, t = glm::dot(ac, q) * inverse_det;
-  return u >= 0 && v >= 0 && u + v <= 1 && t >= 0 && t < kBeforeEnd;  // false for an edge-on triangle, where they are not numbers
+  const double u = glm::dot(s, p) * inverse_det, v = glm::dot(way_m, q) * inverse_det,
+               t = glm::dot(ac, q) * inverse_det;
+  // false for an edge-on triangle, where they are not numbers
+  return u >= 0 && v >= 0 && u + v <= 1 && t >= 0 && t < kBeforeEnd;
 }
 
-bool crosses_tree(const Geometry& geometry, const TriangleTree& tree, const glm::dvec3& from_m, const glm::dvec3& way_m) {
+bool crosses_tree(const Geometry& geometry, const TriangleTree& tree, const glm::dvec3& from_m,
+                  const glm::dvec3& way_m) {
   if (tree.empty()) return false;
   const BoxRay ray(from_m, way_m);
   std::array<uint32_t, kMaxTreeDepth + 1> stack;
@@ -85,8 +89,7 @@ RayCaster::RayCaster(const Geometry& geometry) : geometry_(geometry) {
   const auto corner = [&](size_t i) { return glm::dvec3(geometry.positions[geometry.indices[i]]); };
   for (size_t i = 0; i < geometry.indices.size(); i += 3) {
     const glm::dvec3 a = corner(i);
-    const glm::vec3 from_center(a - glm::dvec3(geometry.center)), ab(corner(i + 1) - a),
-        ac(corner(i + 2) - a);
+    const glm::vec3 from_center(a - glm::dvec3(geometry.center)), ab(corner(i + 1) - a), ac(corner(i + 2) - a);
     for (int axis = 0; axis < 3; ++axis) {
       rows_[axis].push_back(from_center[axis]);
       rows_[3 + axis].push_back(ab[axis]);
@@ -107,8 +110,7 @@ SurfaceHit RayCaster::first_hit(const glm::dvec3& origin_m, const glm::dvec3& di
 }
 
 // The point in double on the triangle's own plane, held inside the triangle.
-SurfaceHit RayCaster::exactly(const glm::dvec3& origin_m, const glm::dvec3& direction,
-                              const Nearest& nearest) const {
+SurfaceHit RayCaster::exactly(const glm::dvec3& origin_m, const glm::dvec3& direction, const Nearest& nearest) const {
   const uint32_t* corner = geometry_.indices.data() + 3 * nearest.triangle;
   const glm::dvec3 a(geometry_.positions[corner[0]]), ab = glm::dvec3(geometry_.positions[corner[1]]) - a,
                                                       ac = glm::dvec3(geometry_.positions[corner[2]]) - a;
@@ -155,8 +157,8 @@ void RayCaster::test_cluster(const TreeNode& leaf, const Ray& ray, Nearest& near
   assert(count <= kMaxClusterTriangles);
   std::array<float, kMaxClusterTriangles> distances;
   const auto row = [&](int i) { return rows_[i].data() + first; };
-  const float *ax = row(0), *ay = row(1), *az = row(2), *bx = row(3), *by = row(4), *bz = row(5),
-              *cx = row(6), *cy = row(7), *cz = row(8);
+  const float *ax = row(0), *ay = row(1), *az = row(2), *bx = row(3), *by = row(4), *bz = row(5), *cx = row(6),
+              *cy = row(7), *cz = row(8);
   const float dx = ray.direction.x, dy = ray.direction.y, dz = ray.direction.z;
   const float ox = ray.from_center.x, oy = ray.from_center.y, oz = ray.from_center.z;
   for (size_t i = 0; i < count; ++i) {
@@ -177,7 +179,8 @@ void RayCaster::test_cluster(const TreeNode& leaf, const Ray& ray, Nearest& near
 
 bool crosses(const Geometry& geometry, const glm::dvec3& from_m, const glm::dvec3& to_m) {
   const glm::dvec3 way_m = to_m - from_m;
-  return crosses_tree(geometry, geometry.occluding, from_m, way_m) || crosses_tree(geometry, geometry.see_through, from_m, way_m);
+  return crosses_tree(geometry, geometry.occluding, from_m, way_m) ||
+         crosses_tree(geometry, geometry.see_through, from_m, way_m);
 }
 
 }  // namespace sightline

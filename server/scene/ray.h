@@ -1,4 +1,5 @@
-// First hits of rays with one geometry, in its own frame. For work done once for each shape, without Embree and without a scene.
+// First hits of rays with one geometry, in its own frame. For work done once for each shape, without Embree and without
+// a scene.
 #pragma once
 
 #include <array>
@@ -18,13 +19,14 @@ struct SurfaceHit {
   bool hit() const { return distance < std::numeric_limits<double>::infinity(); }
 };
 
-// Traces rays against all triangles of a geometry, including see-through ones. Holds a copy of the triangles in a layout that tests four
-// at once, and refers to the geometry, which must outlive it. Immutable: any number of threads may use it.
+// Traces rays against all triangles of a geometry, including see-through ones. Holds a copy of the triangles in a
+// layout that tests four at once, and refers to the geometry, which must outlive it. Immutable: any number of threads
+// may use it.
 //
-// Triangles are tested in single precision relative to the centre of the geometry's bounding sphere (Moeller & Trumbore, "Fast,
-// minimum storage ray/triangle intersection", 1997). The error is about 1e-6 of the bounding radius or of the origin's distance
-// from the centre, whichever is larger. A ray that passes an edge nearer than that may fall on either side of it, even between
-// two triangles.
+// Triangles are tested in single precision relative to the centre of the geometry's bounding sphere (Moeller &
+// Trumbore, "Fast, minimum storage ray/triangle intersection", 1997). The error is about 1e-6 of the bounding radius or
+// of the origin's distance from the centre, whichever is larger. A ray that passes an edge nearer than that may fall on
+// either side of it, even between two triangles.
 class RayCaster {
  public:
   explicit RayCaster(const Geometry& geometry);
@@ -47,9 +49,9 @@ class RayCaster {
   std::array<std::vector<float>, 9> rows_;
 };
 
-// True if the geometry's surface crosses the straight line between two points, given in its frame. Either side of any triangle counts, the
-// see-through ones included. A crossing within a millionth of the line's length of `to_m` does not. It needs no RayCaster, and tests
-// triangles one by one.
+// True if the geometry's surface crosses the straight line between two points, given in its frame. Either side of any
+// triangle counts, the see-through ones included. A crossing within a millionth of the line's length of `to_m` does
+// not. It needs no RayCaster, and tests triangles one by one.
 bool crosses(const Geometry& geometry, const glm::dvec3& from_m, const glm::dvec3& to_m);
 
 }  // namespace sightline

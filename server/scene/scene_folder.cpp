@@ -49,7 +49,8 @@ std::shared_ptr<const SceneAsset> with_bytes(std::shared_ptr<const SceneAsset> a
 size_t memory_of(const SceneAsset& asset) {
   size_t bytes = sizeof(asset) + asset.nodes.size() * sizeof(AssetNode);
   for (const auto& mesh : asset.meshes) bytes += mesh ? mesh->bytes() : 0;
-  for (const AssetNode& node : asset.nodes) bytes += node.gpu_instances.size() * sizeof(Affine) + node.extras_json.size();
+  for (const AssetNode& node : asset.nodes)
+    bytes += node.gpu_instances.size() * sizeof(Affine) + node.extras_json.size();
   for (const AssetAnimation& animation : asset.animations)
     for (const AssetChannel& channel : animation.channels)
       bytes += (channel.times_s.size() + channel.values.size()) * sizeof(float);
@@ -58,8 +59,8 @@ size_t memory_of(const SceneAsset& asset) {
 
 }  // namespace
 
-SceneLibrary::SceneLibrary(std::string folder, GltfLimits limits, GeometryStore& store,
-                           bool keep_uploaded_bytes, size_t kept_bytes, size_t owner_bytes)
+SceneLibrary::SceneLibrary(std::string folder, GltfLimits limits, GeometryStore& store, bool keep_uploaded_bytes,
+                           size_t kept_bytes, size_t owner_bytes)
     : folder_(std::move(folder)),
       opened_(open_or_nothing(folder_)),
       limits_(limits),
@@ -109,8 +110,8 @@ SceneLibrary::Asset SceneLibrary::find_unchanged(const std::string& name) {
   return asset;
 }
 
-Result<SceneLibrary::Asset> SceneLibrary::read_named(const std::string& name,
-                                                     std::vector<Source>& sources, WorkLimit* work) const {
+Result<SceneLibrary::Asset> SceneLibrary::read_named(const std::string& name, std::vector<Source>& sources,
+                                                     WorkLimit* work) const {
   auto file = opened_->read(name, limits_.max_file_bytes);
   if (!file) return tl::unexpected(with_field(std::move(file.error()), kField));
   sources.push_back({name, file->stamp});
@@ -138,7 +139,8 @@ Result<std::shared_ptr<const SceneAsset>> SceneLibrary::add_uploaded(std::span<c
   const std::lock_guard lock(mutex_);
   if (!make_room(**asset, owner))
     return fail(ErrorCode::kResourceExhausted, "",
-                "the scenes that this client has uploaded take more than " + std::to_string(owner_bytes_ >> 20) + " MiB (--client-scenes-memory-mib)");
+                "the scenes that this client has uploaded take more than " + std::to_string(owner_bytes_ >> 20) +
+                    " MiB (--client-scenes-memory-mib)");
   Asset shared = remember(*asset, owner);
   if (kept && shared == *asset) uploaded_bytes_[{owner, shared->hash}] = kept;
   keep(shared, owner);
@@ -147,14 +149,17 @@ Result<std::shared_ptr<const SceneAsset>> SceneLibrary::add_uploaded(std::span<c
 
 size_t SceneLibrary::bytes_of_others(const SceneAsset& asset, const std::string& owner) const {
   size_t bytes = 0;
-  for (auto entry = by_hash_.lower_bound({owner, ContentHash{}}); entry != by_hash_.end() && entry->first.first == owner; ++entry)
+  for (auto entry = by_hash_.lower_bound({owner, ContentHash{}});
+       entry != by_hash_.end() && entry->first.first == owner; ++entry)
     if (const Asset alive = entry->second.lock(); alive && alive->hash != asset.hash) bytes += memory_of(*alive);
   return bytes;
 }
 
 bool SceneLibrary::make_room(const SceneAsset& asset, const std::string& owner) {
   if (owner_bytes_ == 0 || owner.empty()) return true;
-  const auto unused = [&](const KeptUpload& kept) { return kept.owner == owner && kept.asset.use_count() == 1 && kept.asset->hash != asset.hash; };
+  const auto unused = [&](const KeptUpload& kept) {
+    return kept.owner == owner && kept.asset.use_count() == 1 && kept.asset->hash != asset.hash;
+  };
   size_t bytes = bytes_of_others(asset, owner) + memory_of(asset);
   size_t spare = 0;
   for (const KeptUpload& kept : kept_uploads_)
@@ -183,16 +188,17 @@ void SceneLibrary::keep(Asset asset, const std::string& owner) {
   }
 }
 
-// The owner with the largest amount loses its oldest upload. `amount` is what one upload takes of the limit that is exceeded: one scene, or its
-// bytes. An owner within its share, the limit divided by the number of owners, loses nothing. The newest upload stays: false when the owner
-// has no other.
+// The owner with the largest amount loses its oldest upload. `amount` is what one upload takes of the limit that is
+// exceeded: one scene, or its bytes. An owner within its share, the limit divided by the number of owners, loses
+// nothing. The newest upload stays: false when the owner has no other.
 bool SceneLibrary::drop_one_upload(const std::function<size_t(const KeptUpload&)>& amount) {
   std::map<std::string, size_t> amounts;
   for (const KeptUpload& kept : kept_uploads_) amounts[kept.owner] += amount(kept);
-  const auto most = std::max_element(amounts.begin(), amounts.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+  const auto most = std::max_element(amounts.begin(), amounts.end(),
+                                     [](const auto& a, const auto& b) { return a.second < b.second; });
   const auto newest = std::prev(kept_uploads_.end());
   const auto oldest = std::find_if(kept_uploads_.begin(), newest,
-                             [&](const KeptUpload& kept) { return kept.owner == most->first; });
+                                   [&](const KeptUpload& kept) { return kept.owner == most->first; });
   if (oldest == newest) return false;
   if (oldest->asset.use_count() == 1) ++dropped_uploads_.for_all;
   kept_uploads_.erase(oldest);
@@ -211,7 +217,8 @@ SceneLibrary::Asset SceneLibrary::remember(Asset asset, const std::string& owner
 }
 
 template <typename Value>
-std::shared_ptr<Value> SceneLibrary::find_in(const ByHash<Value>& assets, const ContentHash& hash, const SceneReader& reader) {
+std::shared_ptr<Value> SceneLibrary::find_in(const ByHash<Value>& assets, const ContentHash& hash,
+                                             const SceneReader& reader) {
   for (const std::string& owner : {reader.client, std::string()})
     if (const auto found = assets.find({owner, hash}); found != assets.end())
       if (auto alive = found->second.lock()) return alive;
@@ -273,8 +280,7 @@ Result<SceneFile> SceneLibrary::read_again(const Source& source) {
   auto content = opened_->read(source.path, limits_.max_file_bytes);
   if (!content) return tl::unexpected(std::move(content.error()));
   if (content->stamp != source.stamp)
-    return fail(ErrorCode::kFailedPrecondition, "",
-                "\"" + source.path + "\" has changed since it was loaded");
+    return fail(ErrorCode::kFailedPrecondition, "", "\"" + source.path + "\" has changed since it was loaded");
   auto bytes = std::make_shared<const std::string>(text_of(content->bytes));
   const std::lock_guard lock(mutex_);
   std::erase_if(kept_files_, [](const auto& entry) { return entry.second.bytes.expired(); });
@@ -288,8 +294,7 @@ std::vector<std::string> SceneLibrary::names(const std::string& after, size_t li
   if (!opened_) return found;
   std::error_code error;
   const auto skip = fs::directory_options::skip_permission_denied;
-  for (fs::recursive_directory_iterator it(folder_, skip, error), end; !error && it != end;
-       it.increment(error)) {
+  for (fs::recursive_directory_iterator it(folder_, skip, error), end; !error && it != end; it.increment(error)) {
     const std::string name = it->path().lexically_relative(folder_).generic_string();
     if (name > after && is_scene_name(name) && opened_->stamp(name)) found.push_back(name);
   }

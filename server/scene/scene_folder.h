@@ -1,5 +1,6 @@
-// Loads scenes by name from one folder (--scene-dir), and scenes that clients upload. Nothing outside the folder can be reached: names
-// are relative paths without "..", and the opened file must lie inside after symbolic links are resolved.
+// Loads scenes by name from one folder (--scene-dir), and scenes that clients upload. Nothing outside the folder can be
+// reached: names are relative paths without "..", and the opened file must lie inside after symbolic links are
+// resolved.
 #pragma once
 
 #include <atomic>
@@ -34,38 +35,44 @@ struct SceneReader {
 // Keeps loaded assets while a session uses them. Thread-safe.
 class SceneLibrary {
  public:
-  // With an empty `folder` nothing can be loaded by name (kFailedPrecondition, "--scene-dir is not set"). When the folder cannot be
-  // opened, every call of load_named says so. `store` must outlive the library. With `keep_uploaded_bytes` the bytes of an upload are
-  // kept as long as its asset, for files_of. `kept_bytes` is the most memory of uploads that are kept for sessions to come. The newest
-  // one is kept in any case. `owner_bytes` is the most memory of all uploads of one owner, those in use included; 0: no limit.
+  // With an empty `folder` nothing can be loaded by name (kFailedPrecondition, "--scene-dir is not set"). When the
+  // folder cannot be opened, every call of load_named says so. `store` must outlive the library. With
+  // `keep_uploaded_bytes` the bytes of an upload are kept as long as its asset, for files_of. `kept_bytes` is the most
+  // memory of uploads that are kept for sessions to come. The newest one is kept in any case. `owner_bytes` is the most
+  // memory of all uploads of one owner, those in use included; 0: no limit.
   SceneLibrary(std::string folder, GltfLimits limits, GeometryStore& store, bool keep_uploaded_bytes = false,
                size_t kept_bytes = size_t{64} << 20, size_t owner_bytes = 0);
 
-  // Loads "hall.glb" or "levels/one.gltf". Reads again when the modification time or size of the file, or of a file that it refers to,
-  // has changed. Fails with field "scene.name" (kInvalidArgument for a name that leaves the folder; kNotFound), or as read_gltf does.
-  // `work` ends the reading; null: nothing does.
+  // Loads "hall.glb" or "levels/one.gltf". Reads again when the modification time or size of the file, or of a file
+  // that it refers to, has changed. Fails with field "scene.name" (kInvalidArgument for a name that leaves the folder;
+  // kNotFound), or as read_gltf does. `work` ends the reading; null: nothing does.
   Result<std::shared_ptr<const SceneAsset>> load_named(const std::string& name, WorkLimit* work = nullptr);
   // True when load_named would return without reading the file.
   bool is_loaded(const std::string& name) { return find_unchanged(name) != nullptr; }
-  // Reads uploaded bytes, which may not refer to other files, and keeps the asset under its hash while it is in use. Uploads are
-  // kept even when unused, so that an upload is still available when its session opens. Beyond kKeptUploads, the
-  // owner with the most scenes loses its oldest one; beyond kept_bytes, the owner with the most bytes. An owner is the name of a client. Equal
-  // files of two owners are two assets, which share their geometries. When the owner's uploads take more than owner_bytes, it loses
-  // its oldest ones that no session uses. Fails with kResourceExhausted when that does not suffice, and as read_gltf does; nothing has changed then.
-  Result<std::shared_ptr<const SceneAsset>> add_uploaded(std::span<const std::byte> bytes, const std::string& owner = {}, WorkLimit* work = nullptr);
-  // Finds a loaded asset: an upload of the reader's own, or a named scene. kNotFound (field "scene.hash") when there is none.
+  // Reads uploaded bytes, which may not refer to other files, and keeps the asset under its hash while it is in use.
+  // Uploads are kept even when unused, so that an upload is still available when its session opens. Beyond
+  // kKeptUploads, the owner with the most scenes loses its oldest one; beyond kept_bytes, the owner with the most
+  // bytes. An owner is the name of a client. Equal files of two owners are two assets, which share their geometries.
+  // When the owner's uploads take more than owner_bytes, it loses its oldest ones that no session uses. Fails with
+  // kResourceExhausted when that does not suffice, and as read_gltf does; nothing has changed then.
+  Result<std::shared_ptr<const SceneAsset>> add_uploaded(std::span<const std::byte> bytes,
+                                                         const std::string& owner = {}, WorkLimit* work = nullptr);
+  // Finds a loaded asset: an upload of the reader's own, or a named scene. kNotFound (field "scene.hash") when there is
+  // none.
   Result<std::shared_ptr<const SceneAsset>> find(const ContentHash& hash, const SceneReader& reader = {});
-  // The files of a loaded scene, so that it can be loaded elsewhere: the scene file first, then the files that it refers to. Named files
-  // are read again, which may take seconds; callers share bytes that are still held. A hash finds an upload, or a named scene with that
-  // hash. Fails with kNotFound when the scene is not loaded or an upload's bytes were not kept. Fails with kFailedPrecondition
-  // when a file has changed since it was loaded, and as reading fails.
+  // The files of a loaded scene, so that it can be loaded elsewhere: the scene file first, then the files that it
+  // refers to. Named files are read again, which may take seconds; callers share bytes that are still held. A hash
+  // finds an upload, or a named scene with that hash. Fails with kNotFound when the scene is not loaded or an upload's
+  // bytes were not kept. Fails with kFailedPrecondition when a file has changed since it was loaded, and as reading
+  // fails.
   Result<std::vector<SceneFile>> files_of(const std::string& name);
   Result<std::vector<SceneFile>> files_of(const ContentHash& hash, const SceneReader& reader = {});
-  // Names of the .glb and .gltf files below the folder that sort after `after`: the first `limit` of them, sorted by bytes.
+  // Names of the .glb and .gltf files below the folder that sort after `after`: the first `limit` of them, sorted by
+  // bytes.
   std::vector<std::string> names(const std::string& after, size_t limit) const;
 
-  // Counts of uploads, open in no session, that were dropped for newer ones since the start. `for_owner`: the owner's own uploads
-  // exceeded owner_bytes. `for_all`: the uploads of all clients exceeded their budget.
+  // Counts of uploads, open in no session, that were dropped for newer ones since the start. `for_owner`: the owner's
+  // own uploads exceeded owner_bytes. `for_all`: the uploads of all clients exceeded their budget.
   struct DroppedUploads {
     std::atomic<uint64_t> for_all{0}, for_owner{0};
   };
@@ -101,16 +108,20 @@ class SceneLibrary {
   Asset find_unchanged(const std::string& name);
   Result<Asset> read_named(const std::string& name, std::vector<Source>& sources, WorkLimit* work) const;
   GltfLimits limits_with(WorkLimit* work) const;
-  // By owner, so that a client can neither find another's upload nor put its own in the place of it. Named scenes have no owner.
+  // By owner, so that a client can neither find another's upload nor put its own in the place of it. Named scenes have
+  // no owner.
   template <typename Value>
   using ByHash = std::map<std::pair<std::string, ContentHash>, std::weak_ptr<Value>>;
 
   template <typename Value>
-  static std::shared_ptr<Value> find_in(const ByHash<Value>& assets, const ContentHash& hash, const SceneReader& reader);
+  static std::shared_ptr<Value> find_in(const ByHash<Value>& assets, const ContentHash& hash,
+                                        const SceneReader& reader);
   Asset remember(Asset asset, const std::string& owner);  // needs mutex_
-  void keep(Asset asset, const std::string& owner);  // needs mutex_
-  size_t bytes_of_others(const SceneAsset& asset, const std::string& owner) const;  // of the owner's other assets; needs mutex_
-  bool make_room(const SceneAsset& asset, const std::string& owner);  // false: there is none, and nothing was dropped; needs mutex_
+  void keep(Asset asset, const std::string& owner);       // needs mutex_
+  // of the owner's other assets; needs mutex_
+  size_t bytes_of_others(const SceneAsset& asset, const std::string& owner) const;
+  // false: there is none, and nothing was dropped; needs mutex_
+  bool make_room(const SceneAsset& asset, const std::string& owner);
   bool drop_one_upload(const std::function<size_t(const KeptUpload&)>& amount);  // needs mutex_
 
   const std::string folder_;
@@ -121,11 +132,11 @@ class SceneLibrary {
   const size_t kept_bytes_, owner_bytes_;
   DroppedUploads dropped_uploads_;
   std::mutex mutex_;
-  std::map<std::string, Named> named_;                              // guarded by mutex_
-  ByHash<const SceneAsset> by_hash_;                                // guarded by mutex_
-  std::vector<KeptUpload> kept_uploads_;                            // oldest first; guarded by mutex_
-  ByHash<const std::string> uploaded_bytes_;                                // guarded by mutex_
-  std::map<std::string, KeptFile> kept_files_;                              // by path; guarded by mutex_
+  std::map<std::string, Named> named_;          // guarded by mutex_
+  ByHash<const SceneAsset> by_hash_;            // guarded by mutex_
+  std::vector<KeptUpload> kept_uploads_;        // oldest first; guarded by mutex_
+  ByHash<const std::string> uploaded_bytes_;    // guarded by mutex_
+  std::map<std::string, KeptFile> kept_files_;  // by path; guarded by mutex_
 };
 
 }  // namespace sightline

@@ -95,8 +95,7 @@ struct Plane {
 };
 
 float cost_in_clusters(const Bin& side) {
-  return half_area(side.box) *
-         static_cast<float>((side.count + kMaxClusterTriangles - 1) / kMaxClusterTriangles);
+  return half_area(side.box) * static_cast<float>((side.count + kMaxClusterTriangles - 1) / kMaxClusterTriangles);
 }
 
 void join(Bin& into, const Bin& other) {
@@ -194,8 +193,7 @@ class TreeBuilder {
     const glm::vec3 extent = vec3(centroids.max - centroids.min);
     const int axis = extent.x >= extent.y && extent.x >= extent.z ? 0 : extent.y >= extent.z ? 1 : 2;
     const size_t half = (end - begin) / 2;
-    const size_t middle =
-        begin + (half + kMaxClusterTriangles - 1) / kMaxClusterTriangles * kMaxClusterTriangles;
+    const size_t middle = begin + (half + kMaxClusterTriangles - 1) / kMaxClusterTriangles * kMaxClusterTriangles;
     std::nth_element(at(begin), at(middle), at(end), [axis](const TreePart& a, const TreePart& b) {
       const float ca = centroid(a, axis), cb = centroid(b, axis);
       return ca != cb ? ca < cb : a.triangle < b.triangle;

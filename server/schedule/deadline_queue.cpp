@@ -11,8 +11,7 @@ bool DeadlineQueue::EarlierDeadline::operator()(const Flow* a, const Flow* b) co
 }
 
 bool DeadlineQueue::LessServed::operator()(const Flow* a, const Flow* b) const {
-  return std::tie(a->start_ns_, a->deadline_ns_, a->number_) <
-         std::tie(b->start_ns_, b->deadline_ns_, b->number_);
+  return std::tie(a->start_ns_, a->deadline_ns_, a->number_) < std::tie(b->start_ns_, b->deadline_ns_, b->number_);
 }
 
 bool DeadlineQueue::LessServedClient::operator()(const Client* a, const Client* b) const {
@@ -63,7 +62,8 @@ void DeadlineQueue::check_deadline(const Flow& flow, int64_t deadline_ns, int64_
 
 bool DeadlineQueue::held(const Client& client, int64_t now_ns) const {
   const auto is_own_long = [&](const Stepping& step) { return step.client == &client && step.is_long; };
-  const bool has_long_steps = now_ns < client.long_until_ns || std::any_of(stepping_.begin(), stepping_.end(), is_own_long);
+  const bool has_long_steps = now_ns < client.long_until_ns ||
+                              std::any_of(stepping_.begin(), stepping_.end(), is_own_long);
   if (!has_long_steps || !step_.beside(client, now_ns)) return false;
   const bool for_short_ones = short_step_.beside(client, now_ns);
   const auto counts = [&](const Stepping& step) {
@@ -74,11 +74,12 @@ bool DeadlineQueue::held(const Client& client, int64_t now_ns) const {
 
 DeadlineQueue::Flow* DeadlineQueue::next(int64_t now_ns) const {
   if (!overloaded(now_ns)) {
-    const auto found =
-        std::find_if(by_deadline_.begin(), by_deadline_.end(), [&](const Flow* flow) { return !held(*flow->client_, now_ns); });
+    const auto found = std::find_if(by_deadline_.begin(), by_deadline_.end(),
+                                    [&](const Flow* flow) { return !held(*flow->client_, now_ns); });
     return found == by_deadline_.end() ? nullptr : *found;
   }
-  const auto found = std::find_if(by_service_.begin(), by_service_.end(), [&](const Client* client) { return !held(*client, now_ns); });
+  const auto found = std::find_if(by_service_.begin(), by_service_.end(),
+                                  [&](const Client* client) { return !held(*client, now_ns); });
   if (found == by_service_.end()) return nullptr;
   const Client& client = **found;
   return now_ns < client.fair_until_ns ? *client.by_service.begin() : *client.by_deadline.begin();
@@ -125,7 +126,8 @@ void DeadlineQueue::charge(Flow& flow, int64_t cost_ns, int64_t now_ns) {
 }
 
 void DeadlineQueue::note_cost(Client& client, int64_t cost_ns, int64_t now_ns) {
-  const auto step = std::find_if(stepping_.begin(), stepping_.end(), [&](const Stepping& one) { return one.client == &client; });
+  const auto step = std::find_if(stepping_.begin(), stepping_.end(),
+                                 [&](const Stepping& one) { return one.client == &client; });
   if (step != stepping_.end()) stepping_.erase(step);
   if (cost_ns > kLongStepNs)
     client.long_until_ns = now_ns + kLongForNs;

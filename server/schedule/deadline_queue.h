@@ -1,22 +1,22 @@
 // The order in which sessions step: the scheduler's policy, without threads and without a clock.
 //
 // As a rule the earliest deadline goes first. That order meets all deadlines whenever they can be met (Liu & Layland,
-// "Scheduling algorithms for multiprogramming in a hard-real-time environment", 1973). It is exact to within one step, because
-// a step is not interrupted.
+// "Scheduling algorithms for multiprogramming in a hard-real-time environment", 1973). It is exact to within one step,
+// because a step is not interrupted.
 //
-// After a missed deadline the order changes for kFairForNs, since by deadlines alone those who ask for most would get most.
-// The client that was served least goes first then, whatever the number of its sessions. Among the sessions of one client the
-// earliest deadline still goes first, unless that client missed a deadline itself: then it is its session that was served
-// least. Both orders are start-time fair queueing (Goyal, Vin & Cheng, 1996; the two levels are those of their section 3 for
-// hierarchical sharing). A start tag is the service that a client or session has had, but at most kClaimNs less than the largest
-// start tag served so far. One that asks for less than an equal share therefore goes ahead of those that ask for more. One
-// that was silent cannot save up a claim. The deadlines are tried again afterwards, because a load that fits can still be
-// late in the order of service.
+// After a missed deadline the order changes for kFairForNs, since by deadlines alone those who ask for most would get
+// most. The client that was served least goes first then, whatever the number of its sessions. Among the sessions of
+// one client the earliest deadline still goes first, unless that client missed a deadline itself: then it is its
+// session that was served least. Both orders are start-time fair queueing (Goyal, Vin & Cheng, 1996; the two levels are
+// those of their section 3 for hierarchical sharing). A start tag is the service that a client or session has had, but
+// at most kClaimNs less than the largest start tag served so far. One that asks for less than an equal share therefore
+// goes ahead of those that ask for more. One that was silent cannot save up a claim. The deadlines are tried again
+// afterwards, because a load that fits can still be late in the order of service.
 //
-// No order helps against steps that are under way, since they are not interrupted. So clients with long steps never take all threads together while
-// a client with short ones steps: one thread is left for those. Where all have long steps, none of them takes all threads while another
-// steps. How long a step takes is known only afterwards. So a client counts as one with long steps for kLongForNs after each, and until its first
-// step is done.
+// No order helps against steps that are under way, since they are not interrupted. So clients with long steps never
+// take all threads together while a client with short ones steps: one thread is left for those. Where all have long
+// steps, none of them takes all threads while another steps. How long a step takes is known only afterwards. So a
+// client counts as one with long steps for kLongForNs after each, and until its first step is done.
 #pragma once
 
 #include <cstddef>
@@ -54,27 +54,29 @@ class DeadlineQueue {
     bool waits_ = false;
   };
 
-  // Without the order of service, five times as many ticks are late in a steady overload. Without the order of deadlines,
-  // loads that just fit are late.
+  // Without the order of service, five times as many ticks are late in a steady overload. Without the order of
+  // deadlines, loads that just fit are late.
   static constexpr int64_t kFairForNs = 1'000'000'000;
   // The time of several short steps. With 0, a third more replies of an overloaded hundred sessions are degraded
-  // (tests/schedule/overload_model_test.cpp). With 100 ms, sessions whose steps became expensive went ahead of those whose
-  // steps already were. When a hundred sessions walked to a corner together, half as many ticks again were late.
+  // (tests/schedule/overload_model_test.cpp). With 100 ms, sessions whose steps became expensive went ahead of those
+  // whose steps already were. When a hundred sessions walked to a corner together, half as many ticks again were late.
   static constexpr int64_t kClaimNs = 3'000'000;
 
   // A client counts as stepping for this time after its last step.
   static constexpr int64_t kActiveForNs = 1'000'000'000;
   static constexpr int64_t kLongForNs = 5'000'000'000;
 
-  // `threads` pop at the same time, each one flow. With one thread nothing is held, since none can be left to the others.
+  // `threads` pop at the same time, each one flow. With one thread nothing is held, since none can be left to the
+  // others.
   explicit DeadlineQueue(size_t threads = 1) : most_long_(threads > 1 ? threads - 1 : SIZE_MAX) {}
 
-  // Names the client of a flow, once and before its first push. Flows that never join belong to one client without a name.
+  // Names the client of a flow, once and before its first push. Flows that never join belong to one client without a
+  // name.
   void join(Flow& flow, const std::string& client);
   // `flow` must not be waiting, and must live until it was popped.
   void push(Flow& flow, int64_t deadline_ns);
-  // Removes and returns the flow that steps next; null when the queue is empty, or when all that wait are held: their clients have long steps, and
-  // they would take the last thread.
+  // Removes and returns the flow that steps next; null when the queue is empty, or when all that wait are held: their
+  // clients have long steps, and they would take the last thread.
   Flow* pop(int64_t now_ns);
   // Removes a flow that waits, whatever the order.
   void take(Flow& flow, int64_t now_ns);
@@ -120,7 +122,9 @@ class DeadlineQueue {
       ns_ = now_ns;
     }
     // Whether a client beside this one counts as stepping.
-    bool beside(const Client& client, int64_t now_ns) const { return now_ns - (client_ == &client ? others_ns_ : ns_) < kActiveForNs; }
+    bool beside(const Client& client, int64_t now_ns) const {
+      return now_ns - (client_ == &client ? others_ns_ : ns_) < kActiveForNs;
+    }
 
    private:
     const Client* client_ = nullptr;  // of the newest step; it may be gone

@@ -25,8 +25,10 @@ void FairShares::Estimate::renew() {
 size_t FairShares::place_of(const std::string& client) {
   size_t free = clients_.size();
   for (size_t i = 0; i < clients_.size(); ++i) {
-    if (clients_[i].sessions == 0) free = i;
-    else if (clients_[i].name == client) return i;
+    if (clients_[i].sessions == 0)
+      free = i;
+    else if (clients_[i].name == client)
+      return i;
   }
   if (free == clients_.size()) clients_.emplace_back();
   clients_[free] = Client();
@@ -94,7 +96,8 @@ double FairShares::sum_demands(int64_t now_ns) {
     clients_[demand.client].threads += demand.threads;
     sum += demand.threads;
   }
-  const auto active = std::count_if(clients_.begin(), clients_.end(), [](const Client& client) { return client.threads > 0; });
+  const auto active = std::count_if(clients_.begin(), clients_.end(),
+                                    [](const Client& client) { return client.threads > 0; });
   for (Client& client : clients_)
     client.greedy = active > 1 && client.threads > capacity_ / static_cast<double>(active);
   return sum;

@@ -1,14 +1,14 @@
 // How much of the threads' time each session may use.
 //
 // While all demands fit, there is no limit. Otherwise every client gets an equal share, and what a client with a
-// smaller demand leaves over goes to the others (max-min fairness; Bertsekas & Gallager, "Data Networks", 1992, 6.5.2). The
-// share of a client is divided among its sessions in the same way. More sessions do not give a client more time.
+// smaller demand leaves over goes to the others (max-min fairness; Bertsekas & Gallager, "Data Networks", 1992, 6.5.2).
+// The share of a client is divided among its sessions in the same way. More sessions do not give a client more time.
 //
 // The time that can be shared out is not known in advance, because the transport and other processes use the same CPUs.
 // It is estimated: while steps are late the estimate shrinks by a factor, otherwise it grows by a constant (additive
 // increase, multiplicative decrease; Chiu & Jain, "Analysis of the increase and decrease algorithms for congestion
-// avoidance in computer networks", 1989). A client that asks for more than an equal part of all time, beside others, has an
-// estimate of its own: its late steps are no reason to give others less.
+// avoidance in computer networks", 1989). A client that asks for more than an equal part of all time, beside others,
+// has an estimate of its own: its late steps are no reason to give others less.
 #pragma once
 
 #include <cstddef>
@@ -34,9 +34,9 @@ class FairShares {
   // A renewal shrinks an estimate to kDecrease of itself when more than kLateShare of the steps since the last one were
   // late, and at least kLeastLate of them. Otherwise the estimate grows by kIncrease of the capacity, up to all of it.
   // Without an estimate, a hundred sessions whose steps alone fit the threads are late in one tick of ten
-  // (tests/schedule/overload_model_test.cpp). With kLeastLate = 1, a stall of the machine each second degrades a sixth of
-  // the steps of twenty sessions. kLateShare makes no difference on two CPUs. With many CPUs there are thousands of steps
-  // in a renewal, and three late ones must not shrink the estimate.
+  // (tests/schedule/overload_model_test.cpp). With kLeastLate = 1, a stall of the machine each second degrades a sixth
+  // of the steps of twenty sessions. kLateShare makes no difference on two CPUs. With many CPUs there are thousands of
+  // steps in a renewal, and three late ones must not shrink the estimate.
   static constexpr double kLateShare = 0.01, kDecrease = 0.9, kIncrease = 0.004;
   static constexpr int kLeastLate = 3;
 
@@ -66,10 +66,10 @@ class FairShares {
   };
   struct Client {
     std::string name;
-    size_t sessions = 0;  // 0: the place is free
-    double threads = 0.0;     // demand of its sessions together, at the last renewal
-    bool greedy = false;      // it asked for more than an equal part of the capacity, beside others
-    Estimate estimate;        // used while it is greedy
+    size_t sessions = 0;   // 0: the place is free
+    double threads = 0.0;  // demand of its sessions together, at the last renewal
+    bool greedy = false;   // it asked for more than an equal part of the capacity, beside others
+    Estimate estimate;     // used while it is greedy
     double share = std::numeric_limits<double>::infinity();  // of each of its sessions
   };
   size_t place_of(const std::string& client);

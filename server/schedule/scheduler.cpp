@@ -8,7 +8,12 @@
 namespace sightline {
 
 Scheduler::Scheduler(unsigned threads, SamplerDevice& device, StageClock clock)
-    : device_(device), clock_(std::move(clock)), best_batch_(std::max<size_t>(1, device.best_batch())), thread_count_(threads), queue_(best_batch_ > 1 ? 1 : threads), running_since_ns_(threads, kNotRunning) {
+    : device_(device),
+      clock_(std::move(clock)),
+      best_batch_(std::max<size_t>(1, device.best_batch())),
+      thread_count_(threads),
+      queue_(best_batch_ > 1 ? 1 : threads),
+      running_since_ns_(threads, kNotRunning) {
   threads_.reserve(threads);
   for (unsigned i = 0; i < threads; ++i) threads_.emplace_back([this] { work(); });
 }
@@ -58,7 +63,8 @@ bool Scheduler::try_run_now(Scheduled& task, int64_t deadline_ns) {
       spare_rounds_.pop_back();
     }
     starts(round);
-    // The task passes through the queue, in which nothing else may step, so that the round is charged against its own deadline.
+    // The task passes through the queue, in which nothing else may step, so that the round is charged against its own
+    // deadline.
     queue_.push(task, deadline_ns);
     queue_.take(task, now_ns);
   }

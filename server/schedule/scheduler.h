@@ -1,9 +1,9 @@
 // The threads that take the steps of sessions, in the order of DeadlineQueue.
 //
-// The threads work in rounds: plan the steps of the next sessions, take their depth maps, finish each step. Some devices gain
-// nothing from taking the maps of several sessions together (SamplerDevice::best_batch is 1). A round is then the step of one
-// session, from its inputs to its reply on one thread. On other devices a free thread takes its part of all waiting sessions,
-// up to the best batch.
+// The threads work in rounds: plan the steps of the next sessions, take their depth maps, finish each step. Some
+// devices gain nothing from taking the maps of several sessions together (SamplerDevice::best_batch is 1). A round is
+// then the step of one session, from its inputs to its reply on one thread. On other devices a free thread takes its
+// part of all waiting sessions, up to the best batch.
 #pragma once
 
 #include <condition_variable>
@@ -17,8 +17,8 @@
 #include <thread>
 #include <vector>
 
-#include "server/schedule/deadline_queue.h"
 #include "server/sample/sampler.h"
+#include "server/schedule/deadline_queue.h"
 #include "server/step/step.h"
 
 namespace sightline {
@@ -35,7 +35,8 @@ struct TakenMaps {
 class Scheduled : public DeadlineQueue::Flow {
  public:
   virtual ~Scheduled() = default;
-  // Returns the maps to be taken, which may be none. The job's references must stay valid until `finish`. Must not throw.
+  // Returns the maps to be taken, which may be none. The job's references must stay valid until `finish`. Must not
+  // throw.
   virtual TakeJob plan() = 0;
   // Follows every `plan`, and may post the session again. Must not throw.
   virtual void finish(const TakenMaps& taken) = 0;
@@ -55,10 +56,12 @@ class Scheduler {
   Scheduler(const Scheduler&) = delete;
   Scheduler& operator=(const Scheduler&) = delete;
 
-  // Names the client whose session `task` is, once and before it is posted. Tasks of one client share its part of the time.
+  // Names the client whose session `task` is, once and before it is posted. Tasks of one client share its part of the
+  // time.
   void join(Scheduled& task, const std::string& client);
-  // Schedules a round of `task`, which should be done by `deadline_ns`. The task must not be waiting already; it is kept
-  // alive until it has run. The queue has no bound of its own: it is as long as there are sessions, which are limited.
+  // Schedules a round of `task`, which should be done by `deadline_ns`. The task must not be waiting already; it is
+  // kept alive until it has run. The queue has no bound of its own: it is as long as there are sessions, which are
+  // limited.
   void post(std::shared_ptr<Scheduled> task, int64_t deadline_ns);
   // Runs a round of `task` at once on this thread, outside the schedule.
   void run_now(Scheduled& task);
@@ -88,7 +91,7 @@ class Scheduler {
   void work();
   void choose(Round& round);  // needs mutex_
   void run(Round& round);
-  void charge(const Round& round);  // needs mutex_
+  void charge(const Round& round);                                                     // needs mutex_
   bool may_run() const { return running_ < thread_count_ && queue_.ready(clock_()); }  // needs mutex_
   int64_t take(Round& round, std::exception_ptr& trouble);
 
@@ -99,9 +102,9 @@ class Scheduler {
 
   mutable std::mutex mutex_;
   std::condition_variable wake_;
-  DeadlineQueue queue_;               // guarded by mutex_
-  unsigned idle_ = 0;                 // waiting threads; guarded by mutex_
-  size_t running_ = 0;                // rounds, including those of try_run_now; guarded by mutex_
+  DeadlineQueue queue_;                    // guarded by mutex_
+  unsigned idle_ = 0;                      // waiting threads; guarded by mutex_
+  size_t running_ = 0;                     // rounds, including those of try_run_now; guarded by mutex_
   std::vector<int64_t> running_since_ns_;  // one place for each thread; kNotRunning when free; guarded by mutex_
   static constexpr int64_t kNotRunning = std::numeric_limits<int64_t>::max();
   std::vector<Round> spare_rounds_;   // memory for try_run_now; guarded by mutex_

@@ -12,8 +12,7 @@ constexpr double kLeastRelative = 0.02;
 
 StepBudget::Costs StepBudget::first_guesses() {
   Costs guesses{};
-  for (int level = 0; level <= kLowestQualityLevel; ++level)
-    guesses[static_cast<size_t>(level)] = expected_cost(level);
+  for (int level = 0; level <= kLowestQualityLevel; ++level) guesses[static_cast<size_t>(level)] = expected_cost(level);
   return guesses;
 }
 

@@ -1,13 +1,13 @@
-// Chooses the quality level (server/step/quality_level.h) of a session's next step, so that its replies come in time. It goes by
-// the cost of the session's steps so far and by the time that a step may take, its budget.
+// Chooses the quality level (server/step/quality_level.h) of a session's next step, so that its replies come in time.
+// It goes by the cost of the session's steps so far and by the time that a step may take, its budget.
 //
 // The level is 0, full quality, while the session keeps up. It rises only when the expected cost was above the budget
 // for kRaiseAfterNs without a break, and the session was behind its ticks meanwhile. A single slow step, or a short
 // stall of the machine, changes nothing. A client that waits for each reply before it sends the next tick is never
 // behind and therefore never degraded. A budget that was set by hand also holds for sessions that keep up.
 //
-// Each constant below was taken away alone in a model of the daemon (tests/schedule/overload_model_test.cpp); its comment says
-// what became worse.
+// Each constant below was taken away alone in a model of the daemon (tests/schedule/overload_model_test.cpp); its
+// comment says what became worse.
 #pragma once
 
 #include <array>

@@ -25,8 +25,8 @@ class DurationCounts {
   double sum_s() const { return static_cast<double>(sum_ns_.load(std::memory_order_relaxed)) * 1e-9; }
 
   static constexpr int kOctaves = 32;
-  // Element k: the number of durations of at most 2^k us that are longer than 2^(k - 1) us. Element 0 counts all up to 1 us, and the last
-  // element also everything longer.
+  // Element k: the number of durations of at most 2^k us that are longer than 2^(k - 1) us. Element 0 counts all up to
+  // 1 us, and the last element also everything longer.
   std::array<uint64_t, kOctaves> by_octave() const;
 
  private:
@@ -60,17 +60,17 @@ struct StepStats {
   std::array<std::atomic<uint64_t>, 17> closed{};  // sessions, by the code of their status in gRPC
   std::array<std::atomic<int64_t>, kQualityLevels> sessions_at_level{};  // now
   std::atomic<uint64_t> kept{0};  // sessions now that have no stream and wait for another one
-  // Kept sessions that went on in another stream, and those that ended because none came in time. Streams that wanted a session which was not
-  // kept, or not their client's.
+  // Kept sessions that went on in another stream, and those that ended because none came in time. Streams that wanted a
+  // session which was not kept, or not their client's.
   std::atomic<uint64_t> resumed{0}, resume_expired{0}, resume_refused{0};
   LimitCounts limits;
 };
 
 // The figures of one step.
 struct StepFigures {
-  bool degraded = false;     // something was left out
+  bool degraded = false;  // something was left out
   int quality_level = 0;
-  uint64_t merged_ticks = 0;  // that it answers in addition to its own
+  uint64_t merged_ticks = 0;             // that it answers in addition to its own
   int64_t arrival_ns = 0, reply_ns = 0;  // of its tick and of its reply, by the same clock; arrival 0: not known
   int64_t queue_ns = 0, scene_ns = 0;
   std::array<int64_t, kStageCount> stage_ns{};

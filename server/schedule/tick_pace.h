@@ -12,9 +12,10 @@ namespace sightline {
 // neither makes the deadlines closer than a running game's.
 class TickPace {
  public:
-  static constexpr int64_t kShortestNs = 1'000'000;   // 1 ms
-  static constexpr int64_t kLongestNs = 250'000'000;  // 0.25 s: a client that ticks more rarely still wants a prompt reply
-  static constexpr int64_t kUnknownNs = 16'666'667;   // before the second tick of a client that sends no dt_s
+  static constexpr int64_t kShortestNs = 1'000'000;  // 1 ms
+  // 0.25 s: a client that ticks more rarely still wants a prompt reply
+  static constexpr int64_t kLongestNs = 250'000'000;
+  static constexpr int64_t kUnknownNs = 16'666'667;  // before the second tick of a client that sends no dt_s
 
   struct Tick {
     double time_s = 0.0;         // game time

@@ -25,7 +25,8 @@ class Watch final : public grpc::experimental::Interceptor {
   }
 
  private:
-  // The timer holds the call itself, because the interceptor can outlive the call's context, and the timer the interceptor.
+  // The timer holds the call itself, because the interceptor can outlive the call's context, and the timer the
+  // interceptor.
   void start() {
     grpc_call* const call = call_.server_context()->c_call();
     grpc_call_ref(call);
@@ -43,7 +44,8 @@ class Factory final : public grpc::experimental::ServerInterceptorFactoryInterfa
   explicit Factory(Timers& timers) : timers_(timers) {}
 
   grpc::experimental::Interceptor* CreateServerInterceptor(ServerRpcInfo* call) override {
-    const bool single = call->type() == ServerRpcInfo::Type::UNARY || call->type() == ServerRpcInfo::Type::CLIENT_STREAMING;
+    const bool single = call->type() == ServerRpcInfo::Type::UNARY ||
+                        call->type() == ServerRpcInfo::Type::CLIENT_STREAMING;
     return single ? new Watch(timers_, *call) : nullptr;
   }
 

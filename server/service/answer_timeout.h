@@ -1,10 +1,11 @@
 // Ends a call with a single answer whose client does not take the answer.
 //
-// A client decides how much it is sent (the windows of HTTP/2). The handler of a synchronous RPC waits in gRPC until its answer is on the
-// way, which can last for ever, and there are few threads for handlers. gRPC has no time limit for that.
+// A client decides how much it is sent (the windows of HTTP/2). The handler of a synchronous RPC waits in gRPC until
+// its answer is on the way, which can last for ever, and there are few threads for handlers. gRPC has no time limit for
+// that.
 //
-// The way to know when an answer begins, and when its call is over, is an interceptor for each such call. Streams have none: they
-// look after themselves.
+// The way to know when an answer begins, and when its call is over, is an interceptor for each such call. Streams have
+// none: they look after themselves.
 #pragma once
 
 #include <grpcpp/support/server_interceptor.h>

@@ -20,8 +20,8 @@ class Callers {
   // Called once, before the first call. Without a gate, callers are named by their peer.
   void come_through(const Gate& gate) { gate_ = &gate; }
 
-  // The caller, or the status that refuses the call: UNAUTHENTICATED when it may not speak, PERMISSION_DENIED when its role does
-  // not allow this.
+  // The caller, or the status that refuses the call: UNAUTHENTICATED when it may not speak, PERMISSION_DENIED when its
+  // role does not allow this.
   tl::expected<Caller, grpc::Status> identify(const grpc::ServerContext& context, Need need) const;
 
   const Credentials& credentials() const { return credentials_; }

@@ -12,12 +12,12 @@ namespace {
 constexpr std::chrono::seconds kRetryDelay{5};
 // A longer step is never taken on the loop's thread, because the loop cannot read meanwhile.
 constexpr int64_t kShortStepNs = 1'000'000;
-// A turn is due no sooner than this from now. A turn can start late because its client reads slowly or because a file was
-// read first. That is no overload, and must not count as a missed deadline.
+// A turn is due no sooner than this from now. A turn can start late because its client reads slowly or because a file
+// was read first. That is no overload, and must not count as a missed deadline.
 constexpr int64_t kLeastNoticeNs = 2'000'000;
 
-// From the moment when an end is wanted, a client has this long to take the replies and the status. A client that reads needs
-// milliseconds.
+// From the moment when an end is wanted, a client has this long to take the replies and the status. A client that reads
+// needs milliseconds.
 constexpr std::chrono::milliseconds kLastWrites{3000};
 
 // A session is asked for a sign of life this often within the time that it may be silent.
@@ -54,11 +54,12 @@ uint64_t answered_by(const v1::ControlResponse& reply) {
 
 }  // namespace
 
-void ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits, const StreamHelpers& helpers, EventLoop& loop,
-                          std::unique_ptr<Incoming> incoming, const std::string& session_id,
+void ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits, const StreamHelpers& helpers,
+                          EventLoop& loop, std::unique_ptr<Incoming> incoming, const std::string& session_id,
                           const tl::expected<Caller, grpc::Status>& caller) {
   const SceneReader reader = caller ? SceneReader{caller->name, caller->sees_all()} : SceneReader{};
-  const auto stream = std::make_shared<ControlStream>(parts, limits, helpers, loop, std::move(incoming), session_id, reader);
+  const auto stream = std::make_shared<ControlStream>(parts, limits, helpers, loop, std::move(incoming), session_id,
+                                                      reader);
   // Once it is registered another thread may drain it, which has to wait until it is complete.
   const std::lock_guard lock(stream->mutex_);
   stream->self_ = stream;
@@ -81,8 +82,9 @@ void ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits
   stream->set_alarm(limits.open_timeout);
 }
 
-ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& limits, const StreamHelpers& helpers, EventLoop& loop,
-                             std::unique_ptr<Incoming> incoming, const std::string& session_id, SceneReader reader)
+ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& limits, const StreamHelpers& helpers,
+                             EventLoop& loop, std::unique_ptr<Incoming> incoming, const std::string& session_id,
+                             SceneReader reader)
     : ControlCall(loop, std::move(incoming)),
       parts_(parts),
       parsers_(helpers.parsers),
@@ -132,28 +134,31 @@ void ControlStream::parse(int64_t arrival_ns) {
 // Nothing more is read meanwhile, so the order of the messages stays.
 void ControlStream::parse_elsewhere(int64_t arrival_ns) {
   reading_ = Reading::kParsing;
-  parsers_.post([self = self_, arrival_ns] {
-    v1::ControlRequest request;
-    Status parsed;
-    try {
-      parsed = self->parse_large(request);
-    } catch (const std::bad_alloc&) {
-      parsed = fail(ErrorCode::kResourceExhausted, "message", "the server is out of memory");
-    }
-    const std::lock_guard lock(self->mutex_);
-    if (self->finished_) return;
-    self->reading_ = Reading::kPaused;
-    parsed ? self->take_in(std::move(request), arrival_ns) : self->refuse_message(parsed.error());
-    self->read_if_room();
-    self->advance();
-  }, client_);
+  parsers_.post(
+      [self = self_, arrival_ns] {
+        v1::ControlRequest request;
+        Status parsed;
+        try {
+          parsed = self->parse_large(request);
+        } catch (const std::bad_alloc&) {
+          parsed = fail(ErrorCode::kResourceExhausted, "message", "the server is out of memory");
+        }
+        const std::lock_guard lock(self->mutex_);
+        if (self->finished_) return;
+        self->reading_ = Reading::kPaused;
+        parsed ? self->take_in(std::move(request), arrival_ns) : self->refuse_message(parsed.error());
+        self->read_if_room();
+        self->advance();
+      },
+      client_);
 }
 
 Status ControlStream::parse_large(v1::ControlRequest& request) {
   const size_t room = share_->room();
   const Status parsed = parse_message(bytes_, std::min(room, max_message_memory_), request);
   if (parsed || parsed.error().code != ErrorCode::kResourceExhausted || room >= max_message_memory_) return parsed;
-  return fail(ErrorCode::kResourceExhausted, "message", "finds no memory beside the messages that wait (--messages-memory-mib)");
+  return fail(ErrorCode::kResourceExhausted, "message",
+              "finds no memory beside the messages that wait (--messages-memory-mib)");
 }
 
 void ControlStream::refuse_message(const Error& error) {
@@ -171,10 +176,9 @@ void ControlStream::take_in(v1::ControlRequest request, int64_t arrival_ns) {
   if (!writing_) silent_alarms_ = 0;
   if (request.has_tick()) {
     const v1::Tick& tick = request.tick();
-    pace_.observe(parts_.scheduler.now_ns(),
-                  {.time_s = tick.time_s(),
-                   .dt_s = tick.has_dt_s() ? std::optional(tick.dt_s()) : std::nullopt,
-                   .wants_reply = !tick.step_control().merge_into_next()});
+    pace_.observe(parts_.scheduler.now_ns(), {.time_s = tick.time_s(),
+                                              .dt_s = tick.has_dt_s() ? std::optional(tick.dt_s()) : std::nullopt,
+                                              .wants_reply = !tick.step_control().merge_into_next()});
   }
   inbox_.push(std::move(request), arrival_ns);
 }
@@ -192,13 +196,15 @@ void ControlStream::begin(const v1::ControlRequest& request) {
 void ControlStream::claim(const v1::ResumeSession& request) {
   reading_ = Reading::kResuming;
   answered_ = request.answered_sequence();
-  claimers_.post([self = self_, token = request.token()] {
-    try {
-      self->kept_.claim(token, self->client_, self);
-    } catch (const std::bad_alloc&) {
-      self->on_no_memory();
-    }
-  }, client_);
+  claimers_.post(
+      [self = self_, token = request.token()] {
+        try {
+          self->kept_.claim(token, self->client_, self);
+        } catch (const std::bad_alloc&) {
+          self->on_no_memory();
+        }
+      },
+      client_);
 }
 
 bool ControlStream::take_session(std::unique_ptr<DetachedSession>& session, const Drainable* holder) {
@@ -265,8 +271,7 @@ void ControlStream::on_alarm(bool ran_out) {
   if (end_status_) return hurried_ && ran_out ? cancel_call() : hurry();
   if (!heard_) {
     parts_.stats.limits.hit(Limit::kOpenTimeout);
-    end_status_ =
-        grpc::Status(grpc::StatusCode::DEADLINE_EXCEEDED, "`open` was not sent in time (--open-timeout-s)");
+    end_status_ = grpc::Status(grpc::StatusCode::DEADLINE_EXCEEDED, "`open` was not sent in time (--open-timeout-s)");
     return advance();
   }
   if (idle_limit_.count() == 0) return;
@@ -274,7 +279,8 @@ void ControlStream::on_alarm(bool ran_out) {
   silent_alarms_ = ran_out && turn_state_ == TurnState::kNone ? silent_alarms_ + 1 : 0;
   if (silent_alarms_ > kAlarmsInSilence) {
     parts_.stats.limits.hit(Limit::kSessionIdle);
-    end_status_ = grpc::Status(grpc::StatusCode::DEADLINE_EXCEEDED, "no tick came, or no reply was taken, for too long (--session-idle-s)");
+    end_status_ = grpc::Status(grpc::StatusCode::DEADLINE_EXCEEDED,
+                               "no tick came, or no reply was taken, for too long (--session-idle-s)");
     return advance();
   }
   set_alarm(idle_limit_ / kAlarmsInSilence);
@@ -370,8 +376,8 @@ void ControlStream::advance() {
   if (reading_ == Reading::kEnded) close(driver_->status_after_last_message());
 }
 
-// The session is freed before the call ends, then its entry in the registry. A client that has seen the end finds both free. A resumable
-// session is freed only after the call, once it is certain that its stream did not break.
+// The session is freed before the call ends, then its entry in the registry. A client that has seen the end finds both
+// free. A resumable session is freed only after the call, once it is certain that its stream did not break.
 void ControlStream::close(const grpc::Status& status) {
   finished_ = true;
   const bool may_be_kept = !token_.empty() && driver_->opened() && !end_status_;
@@ -384,7 +390,8 @@ void ControlStream::close(const grpc::Status& status) {
   finish_call(status);
 }
 
-// False: the session cannot be kept. Messages that have come and were not applied are forgotten: the client sends them again.
+// False: the session cannot be kept. Messages that have come and were not applied are forgotten: the client sends them
+// again.
 bool ControlStream::detach() {
   auto session = std::make_unique<DetachedSession>();
   session->token = token_;
@@ -414,8 +421,8 @@ bool ControlStream::may_run_on_loop() const {
   return driver_->last_cost_ns() > 0 && driver_->last_cost_ns() <= kShortStepNs;
 }
 
-// The next read starts only after the step. Starting it makes gRPC send a window update at once, which delays the reply,
-// and this thread could not read earlier anyway.
+// The next read starts only after the step. Starting it makes gRPC send a window update at once, which delays the
+// reply, and this thread could not read earlier anyway.
 void ControlStream::run_on_loop() {
   if (!parts_.scheduler.try_run_now(*this, due_ns_)) return hand_over();
   const std::lock_guard lock(mutex_);
@@ -450,9 +457,7 @@ void ControlStream::fill_turn() {
   read_if_room();
 }
 
-void ControlStream::finish(const TakenMaps& taken) try {
-  end_turn(taken);
-} catch (const std::bad_alloc&) {
+void ControlStream::finish(const TakenMaps& taken) try { end_turn(taken); } catch (const std::bad_alloc&) {
   const std::lock_guard lock(mutex_);
   turn_state_ = TurnState::kNone;
   end_without_memory();
@@ -463,10 +468,8 @@ void ControlStream::end_turn(const TakenMaps& taken) {
   const bool stepped = driver_->finish(turn_, taken);
   const std::lock_guard lock(mutex_);
   const int64_t end_ns = parts_.scheduler.now_ns();
-  const QualityControl::StepTimes times{.end_ns = end_ns,
-                                        .due_ns = due_ns_,
-                                        .cost_ns = taken.cost_ns + (end_ns - start_ns),
-                                        .behind = !inbox_.empty()};
+  const QualityControl::StepTimes times{
+      .end_ns = end_ns, .due_ns = due_ns_, .cost_ns = taken.cost_ns + (end_ns - start_ns), .behind = !inbox_.empty()};
   turn_state_ = TurnState::kNone;
   opening_ = !driver_->opened();
   needs_loader_ = opening_ || turn_.needs_loader;

@@ -15,13 +15,14 @@
 // `drain` and `end` come from the thread that stops the server. All of them meet in `advance`, which decides what comes
 // next.
 //
-// A resumable session outlives its stream (kept_sessions.h). A stream that begins with `resume` has no session of its own until it gets
-// one. A stream that breaks, or that another one replaces, gives its session up: `detach`. A client that closes its side ends the session
-// in order. gRPC reports the end of the messages first. Only later it reports whether the call was cancelled, as it is when the
-// connection broke. A resumable session is therefore freed at the very end of the call.
+// A resumable session outlives its stream (kept_sessions.h). A stream that begins with `resume` has no session of its
+// own until it gets one. A stream that breaks, or that another one replaces, gives its session up: `detach`. A client
+// that closes its side ends the session in order. gRPC reports the end of the messages first. Only later it reports
+// whether the call was cancelled, as it is when the connection broke. A resumable session is therefore freed at the
+// very end of the call.
 //
-// A client that does not read cannot hold its place: when an end is wanted, it has kLastWrites to take what is written for it. After that
-// the call is cancelled, and with it the write.
+// A client that does not read cannot hold its place: when an end is wanted, it has kLastWrites to take what is written
+// for it. After that the call is cancelled, and with it the write.
 //
 // Order of gRPC operations. At most one read and one write are under way. `finish_call` is called once, when no turn
 // and no write is under way; nothing is started after it.
@@ -34,11 +35,11 @@
 #include <optional>
 #include <string>
 
-#include "server/schedule/scheduler.h"
-#include "server/schedule/tick_pace.h"
 #include "server/gate/access.h"
 #include "server/rpc/call.h"
 #include "server/rpc/timers.h"
+#include "server/schedule/scheduler.h"
+#include "server/schedule/tick_pace.h"
 #include "server/service/inbox.h"
 #include "server/service/incoming_message.h"
 #include "server/service/kept_sessions.h"
@@ -64,10 +65,10 @@ struct StreamHelpers {
 class ControlStream final : public ControlCall, public ResumableStream, public Scheduled, public ShortTask {
  public:
   // Takes a new call. It is registered and lives until gRPC is done with it. When the registry is full or drains, the
-  // call is refused (RESOURCE_EXHAUSTED with a retry time, UNAVAILABLE). So it is when there is no `caller`, but a status. Runs on the loop's
-  // thread.
-  static void start(const ServiceParts& parts, const ServiceLimits& limits, const StreamHelpers& helpers, EventLoop& loop,
-                    std::unique_ptr<Incoming> incoming, const std::string& session_id,
+  // call is refused (RESOURCE_EXHAUSTED with a retry time, UNAVAILABLE). So it is when there is no `caller`, but a
+  // status. Runs on the loop's thread.
+  static void start(const ServiceParts& parts, const ServiceLimits& limits, const StreamHelpers& helpers,
+                    EventLoop& loop, std::unique_ptr<Incoming> incoming, const std::string& session_id,
                     const tl::expected<Caller, grpc::Status>& caller);
 
   ControlStream(const ServiceParts& parts, const ServiceLimits& limits, const StreamHelpers& helpers, EventLoop& loop,
@@ -80,9 +81,10 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
   bool take_session(std::unique_ptr<DetachedSession>& session, const Drainable* holder) override;
 
  private:
-  // Parsing: a large message is on another thread. Resuming: it waits for the session. Ended: the client has closed its side, or is gone.
+  // Parsing: a large message is on another thread. Resuming: it waits for the session. Ended: the client has closed its
+  // side, or is gone.
   enum class Reading { kPaused, kUnderWay, kParsing, kResuming, kEnded };
-  enum class TurnState { kNone, kOnWorker, kOnLoop };     // waiting for its thread, or running on it
+  enum class TurnState { kNone, kOnWorker, kOnLoop };  // waiting for its thread, or running on it
 
   // Reactions.
   void on_read(bool ok) override;
@@ -147,9 +149,10 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
   TickPace pace_;
   Reading reading_ = Reading::kPaused;
   TurnState turn_state_ = TurnState::kNone;
-  bool writing_ = false;      // a write is under way
-  bool heard_ = false;        // a message has come
-  int silent_alarms_ = 0;     // alarms since the last message, or since the client took the last reply if one is being written
+  bool writing_ = false;  // a write is under way
+  bool heard_ = false;    // a message has come
+  // alarms since the last message, or since the client took the last reply if one is being written
+  int silent_alarms_ = 0;
   bool alarm_set_ = false;    // an alarm is under way
   bool opening_ = true;       // no turn has opened the session
   bool needs_loader_ = true;  // the next turn may take long: it opens the session, or the driver said so

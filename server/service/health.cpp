@@ -87,7 +87,8 @@ class HealthService::Watcher final : public WatchCall {
 // A call of Watch that gets no more than a status.
 class HealthService::Refused final : public WatchCall {
  public:
-  Refused(EventLoop& loop, std::unique_ptr<Incoming> incoming, const grpc::Status& status) : WatchCall(loop, std::move(incoming)) {
+  Refused(EventLoop& loop, std::unique_ptr<Incoming> incoming, const grpc::Status& status)
+      : WatchCall(loop, std::move(incoming)) {
     finish_call(status);
   }
 
@@ -129,11 +130,13 @@ void HealthService::take_watches(EventLoop& loop) {
 
 std::optional<grpc::Status> HealthService::refusal(const std::string& service, const std::string& client) {
   if (service.size() > kLongestName)
-    return grpc::Status(grpc::StatusCode::INVALID_ARGUMENT, "service: has more than " + std::to_string(kLongestName) + " bytes");
+    return grpc::Status(grpc::StatusCode::INVALID_ARGUMENT,
+                        "service: has more than " + std::to_string(kLongestName) + " bytes");
   const std::lock_guard lock(mutex_);
   const auto own = of_client_.find(client);
   const size_t most_of_client = most_watches_ - most_watches_ / 4;
-  if (watchers_.size() < most_watches_ && (own == of_client_.end() || own->second < most_of_client)) return std::nullopt;
+  if (watchers_.size() < most_watches_ && (own == of_client_.end() || own->second < most_of_client))
+    return std::nullopt;
   refused_();
   return grpc::Status(grpc::StatusCode::RESOURCE_EXHAUSTED, "too many Watch calls are open (--max-health-watches)");
 }

@@ -1,9 +1,9 @@
 // The health service of gRPC's health checking protocol.
 //
-// gRPC's own health service is not used, because it runs on the callback API. That API starts further threads, and every
-// message then wakes one of them in addition to the event loop. This service is answered by an event loop, so it also answers
-// when clients occupy all threads of the synchronous RPCs. It answers everyone, also callers without credentials, so what it keeps for them is
-// bounded.
+// gRPC's own health service is not used, because it runs on the callback API. That API starts further threads, and
+// every message then wakes one of them in addition to the event loop. This service is answered by an event loop, so it
+// also answers when clients occupy all threads of the synchronous RPCs. It answers everyone, also callers without
+// credentials, so what it keeps for them is bounded.
 #pragma once
 
 #include <functional>
@@ -32,8 +32,9 @@ class HealthService final : public grpc::health::v1::Health::AsyncService {
   // A Watch call for a longer name is refused. The daemon's own names are shorter.
   static constexpr size_t kLongestName = 256;
 
-  // The most Watch calls that may be open at the same time, three quarters of them of one client, which needs one for each connection. How a
-  // client is called, and what to do when it is refused a call. Set before take_calls; both run on the loop's thread.
+  // The most Watch calls that may be open at the same time, three quarters of them of one client, which needs one for
+  // each connection. How a client is called, and what to do when it is refused a call. Set before take_calls; both run
+  // on the loop's thread.
   using ClientOf = std::function<std::string(const grpc::ServerContext&)>;
   void limit_watches_by(size_t most, ClientOf client_of, std::function<void()> refused) {
     most_watches_ = most;

@@ -38,8 +38,11 @@ class Inbox {
   Inbox& operator=(const Inbox&) = delete;
 
   bool empty() const { return messages_.empty(); }
-  // An inbox with a message is also full when those of all streams take too much memory. An empty one never is, so every stream goes on.
-  bool full() const { return messages_.size() >= max_messages_ || bytes_ >= max_bytes_ || (share_ && !empty() && share_->all_over()); }
+  // An inbox with a message is also full when those of all streams take too much memory. An empty one never is, so
+  // every stream goes on.
+  bool full() const {
+    return messages_.size() >= max_messages_ || bytes_ >= max_bytes_ || (share_ && !empty() && share_->all_over());
+  }
 
   void push(v1::ControlRequest request, int64_t arrival_ns) {
     const size_t bytes = bytes_of(request);

@@ -19,12 +19,14 @@ constexpr size_t kNumberBytes = sizeof(uint64_t);
 template <size_t size>
 bool equal_secrets(const std::array<unsigned char, size>& a, const char* b) {
   volatile unsigned char difference = 0;
-  for (size_t i = 0; i < size; ++i) difference = difference | static_cast<unsigned char>(a[i] ^ static_cast<unsigned char>(b[i]));
+  for (size_t i = 0; i < size; ++i)
+    difference = difference | static_cast<unsigned char>(a[i] ^ static_cast<unsigned char>(b[i]));
   return difference == 0;
 }
 
 void fill_at_random(void* bytes, size_t size) {
-  if (::getrandom(bytes, size, 0) != static_cast<ssize_t>(size)) throw std::system_error(errno, std::generic_category(), "getrandom");
+  if (::getrandom(bytes, size, 0) != static_cast<ssize_t>(size))
+    throw std::system_error(errno, std::generic_category(), "getrandom");
 }
 
 uint64_t number_of(const std::string& token) {
@@ -84,7 +86,8 @@ std::string KeptSessions::issue(const std::string& client, const std::shared_ptr
 KeptSessions::Entries::iterator KeptSessions::find(const std::string& token, const std::string* client) {
   if (token.size() != kNumberBytes + sizeof(Secret)) return entries_.end();
   const auto entry = entries_.find(number_of(token));
-  if (entry == entries_.end() || !equal_secrets(entry->second.secret, token.data() + kNumberBytes)) return entries_.end();
+  if (entry == entries_.end() || !equal_secrets(entry->second.secret, token.data() + kNumberBytes))
+    return entries_.end();
   return !client || entry->second.client == *client ? entry : entries_.end();
 }
 
@@ -135,7 +138,8 @@ bool KeptSessions::put_away(uint64_t number, std::unique_ptr<DetachedSession>& s
   if (!place) {
     place = std::make_shared<Place>(*this, number);
     if (!streams_.move_place(holder, place)) return false;
-    log_.info("session kept", {{"session", session->driver->session_id()}, {"grace_ms", std::to_string(grace_.count())}});
+    log_.info("session kept",
+              {{"session", session->driver->session_id()}, {"grace_ms", std::to_string(grace_.count())}});
   }
   entry.place = std::move(place);
   entry.session = std::move(session);
@@ -163,7 +167,8 @@ void KeptSessions::forget(const std::string& token) {
   if (claimant) deny(*claimant);
 }
 
-void KeptSessions::claim(const std::string& token, const std::string& client, const std::shared_ptr<ResumableStream>& claimant) {
+void KeptSessions::claim(const std::string& token, const std::string& client,
+                         const std::shared_ptr<ResumableStream>& claimant) {
   std::unique_ptr<DetachedSession> session;
   std::shared_ptr<ResumableStream> stream, former_claimant;
   std::shared_ptr<Place> place;
@@ -222,7 +227,8 @@ void KeptSessions::end_those_that_expire() {
     lock.unlock();
     for (const uint64_t number : expired) {
       ++stats_.resume_expired;
-      end(number, {grpc::StatusCode::CANCELLED, "its stream broke, and no stream resumed it in time (--resume-grace-s)"});
+      end(number,
+          {grpc::StatusCode::CANCELLED, "its stream broke, and no stream resumed it in time (--resume-grace-s)"});
     }
     lock.lock();
   }

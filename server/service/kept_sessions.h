@@ -1,15 +1,15 @@
 // Sessions that can go on in another stream: those whose client asked for it (OpenSession.resumable).
 //
-// Each has a token. When its stream breaks, the session is kept for a grace time, and a stream of the same client that shows
-// the token takes it. If the former stream is still up, it has to give the session up first. The usual cause is a connection whose other
-// end is gone, which the server has not noticed so far.
+// Each has a token. When its stream breaks, the session is kept for a grace time, and a stream of the same client that
+// shows the token takes it. If the former stream is still up, it has to give the session up first. The usual cause is a
+// connection whose other end is gone, which the server has not noticed so far.
 //
-// A kept session keeps its place in the registry of streams, so it counts in all limits. It ends when the grace time is over, when the
-// server drains, and when its client may no longer have sessions.
+// A kept session keeps its place in the registry of streams, so it counts in all limits. It ends when the grace time is
+// over, when the server drains, and when its client may no longer have sessions.
 //
-// Locks. A stream calls `keep` and `forget` with its own lock held. They may call `take_session` of the stream that waits for the
-// session, which takes the lock of that one. A session goes from older to newer streams only, so there is no cycle. No function of a
-// stream is called with the lock of this class held.
+// Locks. A stream calls `keep` and `forget` with its own lock held. They may call `take_session` of the stream that
+// waits for the session, which takes the lock of that one. A session goes from older to newer streams only, so there is
+// no cycle. No function of a stream is called with the lock of this class held.
 #pragma once
 
 #include <array>
@@ -43,10 +43,12 @@ struct DetachedSession {
 
 class ResumableStream : public Drainable {
  public:
-  // Calls `keep`, or `forget` if there is nothing to keep, as soon as no step is under way. From any thread; returns at once.
+  // Calls `keep`, or `forget` if there is nothing to keep, as soon as no step is under way. From any thread; returns at
+  // once.
   virtual void give_session_up() = 0;
-  // Answers `claim`. Null: there is no such session for this client. Otherwise the stream takes the session, and its place in the registry
-  // from `holder`. False: it cannot, because it has ended or because the server drains; `session` is as it was.
+  // Answers `claim`. Null: there is no such session for this client. Otherwise the stream takes the session, and its
+  // place in the registry from `holder`. False: it cannot, because it has ended or because the server drains; `session`
+  // is as it was.
   virtual bool take_session(std::unique_ptr<DetachedSession>& session, const Drainable* holder) = 0;
 };
 
@@ -65,7 +67,8 @@ class KeptSessions {
 
   // Takes note of an open session, and returns its token. Only if enabled.
   std::string issue(const std::string& client, const std::shared_ptr<ResumableStream>& stream);
-  // The stream of a session broke, or gives it up. False: the session cannot be kept, and is as it was; `forget` must follow.
+  // The stream of a session broke, or gives it up. False: the session cannot be kept, and is as it was; `forget` must
+  // follow.
   bool keep(const Drainable* stream, std::unique_ptr<DetachedSession>& session);
   // The session has ended.
   void forget(const std::string& token);
@@ -89,8 +92,8 @@ class KeptSessions {
   using Entries = std::map<uint64_t, Entry>;
 
   bool pass_on(uint64_t number, std::unique_ptr<DetachedSession>& session, const Drainable* holder);
-  bool put_away(uint64_t number, std::unique_ptr<DetachedSession>& session, const Drainable* holder, std::shared_ptr<Place> place,
-                Time expires);
+  bool put_away(uint64_t number, std::unique_ptr<DetachedSession>& session, const Drainable* holder,
+                std::shared_ptr<Place> place, Time expires);
   void deny(ResumableStream& claimant);
   Entries::iterator find(const std::string& token, const std::string* client);  // needs mutex_
   void end(uint64_t number, const grpc::Status& status);

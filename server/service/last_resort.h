@@ -1,7 +1,7 @@
 // Ends the process when its orderly end takes too long.
 //
-// A daemon that is asked to stop joins its threads. One of them may be in a library that does not come back. The platform would kill the daemon later,
-// and recordings would lose what is still in memory.
+// A daemon that is asked to stop joins its threads. One of them may be in a library that does not come back. The
+// platform would kill the daemon later, and recordings would lose what is still in memory.
 #pragma once
 
 #include <chrono>
@@ -26,7 +26,8 @@ class LastResort {
   LastResort(const LastResort&) = delete;
   LastResort& operator=(const LastResort&) = delete;
 
-  // When `after` has passed, `rescue` runs on a thread of its own. Once it is over, or has taken too long, `end` follows. Called again it sets another time.
+  // When `after` has passed, `rescue` runs on a thread of its own. Once it is over, or has taken too long, `end`
+  // follows. Called again it sets another time.
   void arm(Duration after, std::function<void()> rescue);
 
  private:

@@ -7,9 +7,9 @@ namespace sightline {
 grpc::Status list_scenes(const SceneLibrary& scenes, const v1::ListScenesRequest& request,
                          v1::ListScenesResponse& response) {
   if (request.page_size() > kMaxListedScenes)
-    return status_from_error({ErrorCode::kInvalidArgument, "page_size",
-                              "must be in [0, " + std::to_string(kMaxListedScenes) + "], got " +
-                                  std::to_string(request.page_size())});
+    return status_from_error(
+        {ErrorCode::kInvalidArgument, "page_size",
+         "must be in [0, " + std::to_string(kMaxListedScenes) + "], got " + std::to_string(request.page_size())});
   const size_t size = request.page_size() > 0 ? request.page_size() : kMaxListedScenes;
   std::vector<std::string> names = scenes.names(request.page_token(), size + 1);
   if (names.size() > size) {

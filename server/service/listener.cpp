@@ -45,13 +45,15 @@ Status check_exposure(const std::string& address, bool stays_on_host, const List
   const bool safe = options.tls && options.callers_are_known;
   if (safe || options.allow_insecure_network || stays_on_host) return {};
   return fail(ErrorCode::kFailedPrecondition, "--listen",
-              address + " can be reached from other hosts, so it needs --tls-cert with --tls-client-ca or --access-file; "
-                                 "--allow-insecure-network opens it to everyone");
+              address +
+                  " can be reached from other hosts, so it needs --tls-cert with --tls-client-ca or --access-file; "
+                  "--allow-insecure-network opens it to everyone");
 }
 
 void configure(grpc::ServerBuilder& builder, const ListenOptions& options) {
-  // gRPC's own refusal does not name the flag, and the daemon does not learn of it. So a message that is a little too large gets through to
-  // ControlStream, which refuses it. gRPC refuses a far larger one by its announced length, and takes none of it in.
+  // gRPC's own refusal does not name the flag, and the daemon does not learn of it. So a message that is a little too
+  // large gets through to ControlStream, which refuses it. gRPC refuses a far larger one by its announced length, and
+  // takes none of it in.
   builder.SetMaxReceiveMessageSize(static_cast<int>(options.max_message_bytes + kRoomToRefuse));
   // A compressed message is unpacked before its size is checked, so half a megabyte can take half a gigabyte.
   builder.AddChannelArgument(GRPC_COMPRESSION_CHANNEL_ENABLED_ALGORITHMS_BITSET, 1 << GRPC_COMPRESS_NONE);
@@ -59,8 +61,7 @@ void configure(grpc::ServerBuilder& builder, const ListenOptions& options) {
   builder.AddChannelArgument(GRPC_ARG_HTTP2_BDP_PROBE, 0);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, kMaxCallsPerConnection);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, static_cast<int>(options.keepalive_time.count()));
-  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS,
-                             static_cast<int>(options.keepalive_timeout.count()));
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, static_cast<int>(options.keepalive_timeout.count()));
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   // Clients may ping once a second.
@@ -71,8 +72,8 @@ void configure(grpc::ServerBuilder& builder, const ListenOptions& options) {
   builder.SetResourceQuota(quota.SetMaxThreads(kMaxThreads));
 }
 
-// A loop that works, or waits for a processor, is slow: a restart would end all sessions, and the next daemon would not be faster. It hangs only if it
-// works for ever.
+// A loop that works, or waits for a processor, is slow: a restart would end all sessions, and the next daemon would not
+// be faster. It hangs only if it works for ever.
 std::chrono::duration<double> weighed(const EventLoop::Silence& silence) {
   return std::max<std::chrono::duration<double>>(silence.lasted - silence.busy, silence.lasted / kPatienceWithBusy);
 }
@@ -80,7 +81,8 @@ std::chrono::duration<double> weighed(const EventLoop::Silence& silence) {
 }  // namespace
 
 Status Listener::check(const ListenOptions& options) {
-  if (options.tcp.empty() && options.unix_path.empty()) return invalid("--listen", "there is no address to listen at: give --listen or --listen-unix");
+  if (options.tcp.empty() && options.unix_path.empty())
+    return invalid("--listen", "there is no address to listen at: give --listen or --listen-unix");
   if (!options.tcp.empty()) {
     const auto stays_on_host = ListeningSocket::stays_on_host(options.tcp, "--listen");
     if (!stays_on_host) return tl::unexpected(stays_on_host.error());
@@ -89,13 +91,13 @@ Status Listener::check(const ListenOptions& options) {
   return options.unix_path.empty() ? Status{} : ListeningSocket::check_unix_path(options.unix_path);
 }
 
-Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
-                                                  CameraControlService& service) {
+Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options, CameraControlService& service) {
   if (Status ok = check(options); !ok) return tl::unexpected(std::move(ok.error()));
   auto sockets = listening_sockets(options);
   if (!sockets) return tl::unexpected(std::move(sockets.error()));
   for (const ListeningSocket& socket : *sockets)
-    if (Status ok = check_exposure(socket.address(), socket.stays_on_host(), options); !ok) return tl::unexpected(std::move(ok.error()));
+    if (Status ok = check_exposure(socket.address(), socket.stays_on_host(), options); !ok)
+      return tl::unexpected(std::move(ok.error()));
   std::unique_ptr<Listener> listener(new Listener);
   for (const ListeningSocket& socket : *sockets) {
     listener->addresses_.push_back(socket.address());
@@ -110,8 +112,9 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
   interceptors.push_back(answer_timeouts(service.timers()));
   builder.experimental().SetInterceptorCreators(std::move(interceptors));
   using Acceptor = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
-  std::shared_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor =
-      builder.experimental().AddExternalConnectionAcceptor(Acceptor::FROM_FD, grpc::InsecureServerCredentials());
+  std::shared_ptr<grpc::experimental::ExternalConnectionAcceptor>
+      acceptor = builder.experimental().AddExternalConnectionAcceptor(Acceptor::FROM_FD,
+                                                                      grpc::InsecureServerCredentials());
   std::vector<std::unique_ptr<grpc::ServerCompletionQueue>> queues;
   for (unsigned i = 0; i < std::max(options.loops, 1u); ++i) queues.push_back(builder.AddCompletionQueue());
   listener->server_ = builder.BuildAndStart();
@@ -132,17 +135,22 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options,
     listener->loops_.push_back(std::make_unique<EventLoop>(std::move(queue)));
     service.take_calls(*listener->loops_.back());
   }
-  listener->health_.limit_watches_by(options.max_health_watches,
-                                     [gate = listener->gate_.get()](const grpc::ServerContext& context) { return gate->peer_of(context.peer()).client; },
-                                     [&service] { service.limit_counts().hit(Limit::kHealthWatches); });
+  listener->health_.limit_watches_by(
+      options.max_health_watches,
+      [gate = listener->gate_.get()](const grpc::ServerContext& context) {
+        return gate->peer_of(context.peer()).client;
+      },
+      [&service] { service.limit_counts().hit(Limit::kHealthWatches); });
   listener->health_.take_calls(*listener->loops_.front());
   listener->reflection_.admit_by([&service](const grpc::ServerContext& context) {
     const auto caller = service.callers().identify(context, Need::kAnyRole);
     return caller ? grpc::Status::OK : caller.error();
   });
-  listener->reflection_.limit_calls_to(options.max_reflection_calls, [&service] { service.limit_counts().hit(Limit::kReflectionCalls); });
-  listener->reflection_.take_calls(*listener->loops_.front(), service.timers(),
-                                    {v1::CameraControlService::service_full_name(), grpc::health::v1::Health::service_full_name()});
+  listener->reflection_.limit_calls_to(options.max_reflection_calls,
+                                       [&service] { service.limit_counts().hit(Limit::kReflectionCalls); });
+  listener->reflection_.take_calls(
+      *listener->loops_.front(), service.timers(),
+      {v1::CameraControlService::service_full_name(), grpc::health::v1::Health::service_full_name()});
   listener->set_alive(true);
   listener->set_serving(true);
   listener->gate_->start();
@@ -169,8 +177,8 @@ std::chrono::duration<double> Listener::loops_silent() const {
   return longest;
 }
 
-// Shutdown has a deadline of its own, for which gRPC waits by the wall clock (server/rpc/timers.h). A call that begins while the server shuts down
-// may slip through, so they are cancelled again and again.
+// Shutdown has a deadline of its own, for which gRPC waits by the wall clock (server/rpc/timers.h). A call that begins
+// while the server shuts down may slip through, so they are cancelled again and again.
 void Listener::shut_down(std::chrono::milliseconds grace) {
   const std::future<void> down = std::async(std::launch::async, [this] { server_->Shutdown(); });
   for (auto patience = grace; down.wait_for(patience) != std::future_status::ready; patience = kCancelPeriod)

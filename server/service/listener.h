@@ -19,18 +19,19 @@
 namespace sightline {
 
 struct ListenOptions {
-  std::string tcp = "127.0.0.1:50151";  // host:port; port 0 takes a free one; empty: no TCP
-  std::string unix_path;                // empty: no unix socket
-  unsigned unix_mode = 0660;            // of the socket file
+  std::string tcp = "127.0.0.1:50151";         // host:port; port 0 takes a free one; empty: no TCP
+  std::string unix_path;                       // empty: no unix socket
+  unsigned unix_mode = 0660;                   // of the socket file
   size_t max_message_bytes = size_t{4} << 20;  // of a call that no other limit ends (ServiceLimits::max_message_bytes)
   size_t max_health_watches = 512, max_reflection_calls = 16;
   unsigned loops = 1;  // event loops; one is enough for hundreds of sessions
   GateLimits gate;     // of connections
   // Connections over TCP are encrypted with these; null: they are not. Must outlive the listener.
   const TlsKeys* tls = nullptr;
-  // A TCP address that other hosts can reach needs TLS, and callers that must show who they are. Otherwise it is an error.
+  // A TCP address that other hosts can reach needs TLS, and callers that must show who they are. Otherwise it is an
+  // error.
   bool callers_are_known = false;
-  bool allow_insecure_network = false;  // true: it is not
+  bool allow_insecure_network = false;                                    // true: it is not
   Gate::Notice on_refused = [](const std::string&, std::string_view) {};  // a connection was refused or cut
   // A connection without traffic for `keepalive_time` is pinged. Its calls end when no answer comes in the timeout.
   std::chrono::milliseconds keepalive_time{10'000};
@@ -43,8 +44,8 @@ class Listener {
  public:
   // Whether the options name addresses that can be listened at, and may be. Takes none of them. Fails as `start` does.
   static Status check(const ListenOptions& options);
-  // Starts to serve. `service` must outlive the listener. Fails with kUnavailable or kInvalidArgument (fields "--listen"
-  // and "--listen-unix").
+  // Starts to serve. `service` must outlive the listener. Fails with kUnavailable or kInvalidArgument (fields
+  // "--listen" and "--listen-unix").
   static Result<std::unique_ptr<Listener>> start(const ListenOptions& options, CameraControlService& service);
   // Stops without grace.
   ~Listener();
@@ -61,11 +62,12 @@ class Listener {
   // What it answers for "liveness". It begins with SERVING.
   void set_alive(bool alive);
 
-  // How long the slowest event loop has owed a sign of life (less if it was busy), and how long ago the slowest thread of the gate last went round. To be called about
-  // once a second, from any thread, until `stop`.
+  // How long the slowest event loop has owed a sign of life (less if it was busy), and how long ago the slowest thread
+  // of the gate last went round. To be called about once a second, from any thread, until `stop`.
   std::chrono::duration<double> loops_silent() const;
   std::chrono::duration<double> gate_silent() const { return std::chrono::duration<double>(gate_->silent_s()); }
-  // Takes no new calls, waits for the open ones, and cancels them after `grace`. Blocks until the last one has ended. May be called again.
+  // Takes no new calls, waits for the open ones, and cancels them after `grace`. Blocks until the last one has ended.
+  // May be called again.
   void stop(std::chrono::milliseconds grace);
 
  private:

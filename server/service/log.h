@@ -24,8 +24,9 @@ namespace sightline {
 enum class LogFormat { kText, kJson };
 enum class LogLevel { kDebug, kInfo, kWarning, kError, kOff };
 
-// Thread-safe. Values may hold any bytes. Invalid UTF-8 is replaced, and everything outside printable ASCII is escaped in both formats, so an
-// event is always one line, and no value can move a cursor or turn the direction of what follows.
+// Thread-safe. Values may hold any bytes. Invalid UTF-8 is replaced, and everything outside printable ASCII is escaped
+// in both formats, so an event is always one line, and no value can move a cursor or turn the direction of what
+// follows.
 class Log {
  public:
   using Field = std::pair<std::string_view, std::string>;
@@ -38,9 +39,7 @@ class Log {
 
   void debug(std::string_view message, Fields fields = {}) const { write(LogLevel::kDebug, message, fields); }
   void info(std::string_view message, Fields fields = {}) const { write(LogLevel::kInfo, message, fields); }
-  void warn(std::string_view message, Fields fields = {}) const {
-    write(LogLevel::kWarning, message, fields);
-  }
+  void warn(std::string_view message, Fields fields = {}) const { write(LogLevel::kWarning, message, fields); }
   void error(std::string_view message, Fields fields = {}) const { write(LogLevel::kError, message, fields); }
 
   // Thread-safe, like everything else.

@@ -1,8 +1,8 @@
 // Writes log lines from a thread of its own, so that no caller ever waits for whoever reads the log.
 //
-// A log that is not read, such as a full pipe, would otherwise stop every thread that logs, and the daemon with it. Lines wait in a
-// bounded queue; what does not fit is dropped and counted, and so are lines that come faster than kLinesPerS. As soon as there is
-// room again, a line says how many were dropped.
+// A log that is not read, such as a full pipe, would otherwise stop every thread that logs, and the daemon with it.
+// Lines wait in a bounded queue; what does not fit is dropped and counted, and so are lines that come faster than
+// kLinesPerS. As soon as there is room again, a line says how many were dropped.
 #pragma once
 
 #include <spdlog/sinks/base_sink.h>

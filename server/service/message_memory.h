@@ -13,11 +13,12 @@
 
 namespace sightline {
 
-// One client has at most half of it, so that others can send large messages too. Thread-safe. Counting takes no lock, since it happens for each
-// message.
+// One client has at most half of it, so that others can send large messages too. Thread-safe. Counting takes no lock,
+// since it happens for each message.
 class MessageMemory {
  public:
-  // What the messages of one client take. It belongs to the streams of the client, and must not outlive the MessageMemory.
+  // What the messages of one client take. It belongs to the streams of the client, and must not outlive the
+  // MessageMemory.
   class Share {
    public:
     explicit Share(MessageMemory& all) : all_(all) {}

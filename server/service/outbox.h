@@ -3,8 +3,8 @@
 // A camera reply allocates many small objects. The memory of a written reply is therefore kept and filled again
 // for the next one (`take_spare`), unless diagnostics made it large.
 //
-// If the stream breaks, its client may not have received what was written. The replies of a resumable session are therefore kept until
-// its next turn (`keep_written`). A client that sends its next tick has received them as a rule.
+// If the stream breaks, its client may not have received what was written. The replies of a resumable session are
+// therefore kept until its next turn (`keep_written`). A client that sends its next tick has received them as a rule.
 #pragma once
 
 #include <deque>

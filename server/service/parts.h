@@ -5,20 +5,20 @@
 #include <cstddef>
 #include <string>
 
-#include "server/schedule/fair_shares.h"
 #include "server/base/work_limit.h"
 #include "server/gate/credentials.h"
-#include "server/service/log.h"
-#include "server/schedule/scheduler.h"
-#include "server/service/session_budget.h"
-#include "server/service/session_recording.h"
-#include "server/schedule/step_budget.h"
-#include "server/schedule/step_stats.h"
-#include "server/service/stream_registry.h"
-#include "server/service/worker_pool.h"
 #include "server/sample/extent.h"
 #include "server/sample/sampler.h"
 #include "server/scene/scene_folder.h"
+#include "server/schedule/fair_shares.h"
+#include "server/schedule/scheduler.h"
+#include "server/schedule/step_budget.h"
+#include "server/schedule/step_stats.h"
+#include "server/service/log.h"
+#include "server/service/session_budget.h"
+#include "server/service/session_recording.h"
+#include "server/service/stream_registry.h"
+#include "server/service/worker_pool.h"
 #include "server/step/step.h"
 
 namespace sightline {
@@ -29,15 +29,15 @@ struct ServiceParts {
   GeometryStore& geometry;
   ExtentCache& extents;
   SamplerDevice& sampler;
-  Scheduler& scheduler;  // applies ticks and takes steps
+  Scheduler& scheduler;   // applies ticks and takes steps
   WorkerPool& loaders;    // open sessions, which can take seconds, so that no step waits for that
   WorkerPool& uploaders;  // read uploaded files; apart from the loaders, so that no opening waits for that
   StreamRegistry& streams;
   FairShares& shares;  // of the scheduler's threads
   StepStats& stats;
   const Log& log;
-  StageClock clock;  // monotonic, in nanoseconds; for stage and queue times only, since the scheduler has its own
-  std::string id_prefix;            // of session ids; differs between daemons
+  StageClock clock;       // monotonic, in nanoseconds; for stage and queue times only, since the scheduler has its own
+  std::string id_prefix;  // of session ids; differs between daemons
   std::string sampler_reason = {};  // why this sampler was chosen, in words
   BudgetRules budget = {};
   RecordingRules recording = {};
@@ -48,14 +48,14 @@ struct ServiceParts {
 };
 
 struct ServiceLimits {
-  size_t inbox_messages = 256;                  // a stream stops reading when this many messages wait,
-  size_t inbox_bytes = size_t{4} << 20;         // or this many bytes
+  size_t inbox_messages = 256;                   // a stream stops reading when this many messages wait,
+  size_t inbox_bytes = size_t{4} << 20;          // or this many bytes
   size_t max_message_bytes = size_t{4} << 20;    // of one message of a Control call
   size_t max_message_memory = size_t{32} << 20;  // of one message, parsed
   size_t messages_memory = size_t{128} << 20;    // of the messages that wait, of all streams together
-  size_t max_uploads = 8;                       // at the same time; they hold at most twice max_upload_bytes
-  size_t max_upload_bytes = size_t{64} << 20;   // of one file
-  size_t max_chunk_bytes = size_t{1} << 20;     // of one message of an upload
+  size_t max_uploads = 8;                        // at the same time; they hold at most twice max_upload_bytes
+  size_t max_upload_bytes = size_t{64} << 20;    // of one file
+  size_t max_chunk_bytes = size_t{1} << 20;      // of one message of an upload
   // A Control call whose first message does not come in this time is ended, because it uses up one of the sessions.
   std::chrono::milliseconds open_timeout{10'000};
   // A session without a message for this time is ended. 0: never.

@@ -120,7 +120,8 @@ class ReflectionService::Call final : public ReflectionCall<typename Version::Re
     const grpc::Status admitted = service_.admit_(this->incoming().context);
     if (++service_.open_ > service_.most_calls_) {
       service_.refused_();
-      finish({grpc::StatusCode::RESOURCE_EXHAUSTED, "all " + std::to_string(service_.most_calls_) + " reflection calls are in use (--max-reflection-calls)"});
+      finish({grpc::StatusCode::RESOURCE_EXHAUSTED,
+              "all " + std::to_string(service_.most_calls_) + " reflection calls are in use (--max-reflection-calls)"});
     } else if (!admitted.ok()) {
       finish(admitted);
     } else {
@@ -183,10 +184,12 @@ void ReflectionService::take_calls(EventLoop& loop, Timers& timers, std::vector<
 }
 
 template <typename Version>
-void ReflectionService::take_calls_of(typename Version::Service::AsyncService& service, EventLoop& loop, Timers& timers) {
+void ReflectionService::take_calls_of(typename Version::Service::AsyncService& service, EventLoop& loop,
+                                      Timers& timers) {
   using Incoming = typename Call<Version>::Incoming;
   const auto ask = [&](Incoming& incoming, void* tag) {
-    service.RequestServerReflectionInfo(&incoming.context, &incoming.responder, &loop.queue(), &loop.server_queue(), tag);
+    service.RequestServerReflectionInfo(&incoming.context, &incoming.responder, &loop.queue(), &loop.server_queue(),
+                                        tag);
   };
   CallAcceptor<Incoming>::start(loop, ask, [this, &service, &loop, &timers](std::unique_ptr<Incoming> incoming) {
     take_calls_of<Version>(service, loop, timers);

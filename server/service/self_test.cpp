@@ -53,8 +53,9 @@ Status compute_first_step(const ServiceParts& parts) {
   const double free = answer->step.targets[0].visible_share, hidden = answer->step.targets[1].visible_share;
   if (free == 1.0 && hidden == 0.0) return {};
   return fail(ErrorCode::kInternal, "",
-              "the step that the daemon tries at its start is wrong: " + std::to_string(free) + " of the free target and " +
-                  std::to_string(hidden) + " of the hidden one are visible, 1 and 0 are right");
+              "the step that the daemon tries at its start is wrong: " + std::to_string(free) +
+                  " of the free target and " + std::to_string(hidden) +
+                  " of the hidden one are visible, 1 and 0 are right");
 }
 
 }  // namespace sightline

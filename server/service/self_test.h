@@ -6,8 +6,9 @@
 
 namespace sightline {
 
-// Computes a step on this thread, with the daemon's sampler. One target stands free and one behind a wall, and the step must say so. Fails
-// with the sampler's error, or with kInternal when the answer is wrong. It takes a few milliseconds, and the step is not counted.
+// Computes a step on this thread, with the daemon's sampler. One target stands free and one behind a wall, and the step
+// must say so. Fails with the sampler's error, or with kInternal when the answer is wrong. It takes a few milliseconds,
+// and the step is not counted.
 Status compute_first_step(const ServiceParts& parts);
 
 }  // namespace sightline

@@ -72,7 +72,8 @@ void get_server_info(const ServiceParts& parts, v1::GetServerInfoResponse& info)
 std::vector<std::pair<std::string_view, uint64_t>> limit_hits(const ServiceParts& parts, const GateCounts& gate) {
   const SceneLibrary::DroppedUploads& dropped = parts.scenes.dropped_uploads();
   std::vector<std::pair<std::string_view, uint64_t>> hits;
-  for (size_t i = 0; i < kLimitNames.size(); ++i) hits.emplace_back(kLimitNames[i], parts.stats.limits.count(static_cast<Limit>(i)));
+  for (size_t i = 0; i < kLimitNames.size(); ++i)
+    hits.emplace_back(kLimitNames[i], parts.stats.limits.count(static_cast<Limit>(i)));
   hits[static_cast<size_t>(Limit::kClientScenesMemory)].second += dropped.for_owner;
   hits.emplace_back("kept-uploads-mib", dropped.for_all);
   hits.emplace_back("max-connections", gate.refused - gate.refused_client);

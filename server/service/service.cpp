@@ -44,7 +44,8 @@ grpc::Status CameraControlService::UploadScene(grpc::ServerContext* context,
                                                v1::UploadSceneResponse* reply) {
   return guarded(parts_.log, "UploadScene", [&] {
     const auto caller = callers_.identify(*context, Need::kControl);
-    return caller ? upload_scene(*context, *reader, parts_, limits_, timers_, uploads_, caller->name, *reply) : caller.error();
+    return caller ? upload_scene(*context, *reader, parts_, limits_, timers_, uploads_, caller->name, *reply)
+                  : caller.error();
   });
 }
 

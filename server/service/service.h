@@ -32,14 +32,15 @@ class CameraControlService final
   Timers& timers() { return timers_; }
   // How often limits refused something, for the services beside this one.
   LimitCounts& limit_counts() { return parts_.stats.limits; }
-  // Whether the daemon is ready, for its own statistics; until then it is. Called at most once, before the server starts.
+  // Whether the daemon is ready, for its own statistics; until then it is. Called at most once, before the server
+  // starts.
   void tell_ready_by(std::function<bool()> ready) { ready_ = std::move(ready); }
 
   // Ends all uploads: the server is shutting down.
   void end_uploads() { uploads_.end_all(); }
 
-  // Lets `loop` take calls of Control, from now until the server shuts down. Called once for each loop, after the server
-  // has started.
+  // Lets `loop` take calls of Control, from now until the server shuts down. Called once for each loop, after the
+  // server has started.
   void take_calls(EventLoop& loop);
 
   grpc::Status UploadScene(grpc::ServerContext* context, grpc::ServerReader<v1::UploadSceneRequest>* reader,

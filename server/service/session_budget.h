@@ -1,4 +1,5 @@
-// What one session may take of the server: the memory of its instances and of what its steps keep, and the cost of its steps.
+// What one session may take of the server: the memory of its instances and of what its steps keep, and the cost of its
+// steps.
 #pragma once
 
 #include <cstddef>
@@ -28,10 +29,11 @@ class InstanceMemory {
  public:
   enum class Answer { kDone, kAllFull, kClientFull };
 
-  InstanceMemory(size_t max_bytes, size_t max_client_bytes) : max_bytes_(max_bytes), max_client_bytes_(max_client_bytes) {}
+  InstanceMemory(size_t max_bytes, size_t max_client_bytes)
+      : max_bytes_(max_bytes), max_client_bytes_(max_client_bytes) {}
 
-  // One session of the client goes from `former` to `now` bytes. With any other answer than kDone nothing has changed. Throws std::bad_alloc only when
-  // it grows, and has changed nothing then.
+  // One session of the client goes from `former` to `now` bytes. With any other answer than kDone nothing has changed.
+  // Throws std::bad_alloc only when it grows, and has changed nothing then.
   Answer change(const std::string& client, size_t former, size_t now);
 
  private:
@@ -52,8 +54,8 @@ class InstanceShare {
   InstanceShare(const InstanceShare&) = delete;
   InstanceShare& operator=(const InstanceShare&) = delete;
 
-  // Fails with kResourceExhausted, and `field`; then nothing has changed. `shape_bytes`: of the distinct shapes, each once. `state_bytes`: as
-  // session_state_bytes.
+  // Fails with kResourceExhausted, and `field`; then nothing has changed. `shape_bytes`: of the distinct shapes, each
+  // once. `state_bytes`: as session_state_bytes.
   Status resize(size_t instances, size_t shape_bytes, size_t state_bytes, const char* field);
 
  private:
@@ -72,11 +74,12 @@ class InstanceShare {
 // About what a session keeps from step to step, in bytes: maps, and what is known of each candidate for each target.
 size_t session_state_bytes(const StepSettings& settings, size_t targets);
 
-// A rough upper estimate of the time of a step with these settings on one core of an ordinary CPU, in milliseconds. It counts the
-// rays of the maps, the lookups of the candidates in them, and the spreading of points over the parts of targets (`parts`: of all
-// targets together).
+// A rough upper estimate of the time of a step with these settings on one core of an ordinary CPU, in milliseconds. It
+// counts the rays of the maps, the lookups of the candidates in them, and the spreading of points over the parts of
+// targets (`parts`: of all targets together).
 double step_cost_ms(const StepSettings& settings, size_t targets, size_t parts = 0);
 // Fails with kResourceExhausted, and `field`, when a step would cost too much.
-Status check_step_cost(const StepSettings& settings, std::span<const Target> targets, const SessionLimits& limits, const char* field);
+Status check_step_cost(const StepSettings& settings, std::span<const Target> targets, const SessionLimits& limits,
+                       const char* field);
 
 }  // namespace sightline

@@ -17,7 +17,8 @@ namespace {
 const Error kNotOpened{ErrorCode::kInvalidArgument, "open",
                        "the first message of a Control call must be `open` or `resume`"};
 const Error kOpenedTwice{ErrorCode::kFailedPrecondition, "open", "the session is already open"};
-const Error kResumedLate{ErrorCode::kFailedPrecondition, "resume", "`resume` must be the first message of a Control call"};
+const Error kResumedLate{ErrorCode::kFailedPrecondition, "resume",
+                         "`resume` must be the first message of a Control call"};
 const Error kEmptyMessage{ErrorCode::kInvalidArgument, "message", "neither `open` nor `tick` is set"};
 
 // Number of ticks at the end of the queue that ask to be merged into the next one.
@@ -83,17 +84,16 @@ void SessionDriver::close(const grpc::Status& status) {
   recording_.close();
   const double full_cost_us = quality_ ? quality_->full_cost_ns() * 1e-3 : 0.0;
   quality_.reset();
-  parts_.log.info("session closed",
-                  {{"session", session_id_},
-                   {"status", std::to_string(status.error_code())},
-                   {"reason", status.error_message()},
-                   {"ticks", std::to_string(counters_.ticks())},
-                   {"steps", std::to_string(counters_.steps())},
-                   {"degraded", std::to_string(counters_.degraded())},
-                   {"late", std::to_string(counters_.late())},
-                   {"step_us", std::to_string(std::lround(full_cost_us))},
-                   {"rejections", std::to_string(counters_.rejections())},
-                   {"recording", recording_.name().empty() ? "none" : recording_.name()}});
+  parts_.log.info("session closed", {{"session", session_id_},
+                                     {"status", std::to_string(status.error_code())},
+                                     {"reason", status.error_message()},
+                                     {"ticks", std::to_string(counters_.ticks())},
+                                     {"steps", std::to_string(counters_.steps())},
+                                     {"degraded", std::to_string(counters_.degraded())},
+                                     {"late", std::to_string(counters_.late())},
+                                     {"step_us", std::to_string(std::lround(full_cost_us))},
+                                     {"rejections", std::to_string(counters_.rejections())},
+                                     {"recording", recording_.name().empty() ? "none" : recording_.name()}});
 }
 
 // An exception means that memory has run out or that the server has a defect. It ends this session, which may be half
@@ -132,17 +132,20 @@ void SessionDriver::open(Turn& turn) {
   }
 }
 
-Status SessionDriver::open_session(const v1::OpenSession& request, int64_t arrival_ns, WorkLimit& work, v1::SessionOpened& opened) {
+Status SessionDriver::open_session(const v1::OpenSession& request, int64_t arrival_ns, WorkLimit& work,
+                                   v1::SessionOpened& opened) {
   // Before the shapes are built, which takes the memory.
   const size_t named = static_cast<size_t>(request.instances_size());
   if (Status ok = instances_.resize(named, bytes_of_shapes(request.instances()), 0, "open.instances"); !ok) return ok;
   std::vector<std::string> warnings;
-  auto options = session_options_from_proto(request, SceneSource{parts_.scenes, parts_.geometry, reader_, &work}, warnings);
+  auto options = session_options_from_proto(request, SceneSource{parts_.scenes, parts_.geometry, reader_, &work},
+                                            warnings);
   if (!options) return tl::unexpected(std::move(options.error()));
   if (Status ok = check_cost(options->settings, options->targets, "open.settings"); !ok) return ok;
   const size_t count = options->instances.size();
   state_bytes_ = session_state_bytes(options->settings, options->targets.size());
-  if (Status ok = instances_.resize(count, bytes_of_shapes(request.instances()), state_bytes_, "open.instances"); !ok) return ok;
+  if (Status ok = instances_.resize(count, bytes_of_shapes(request.instances()), state_bytes_, "open.instances"); !ok)
+    return ok;
   if (Status ok = build_target_tables(*options, parts_.extents, work); !ok) return ok;
   options->extents = &parts_.extents;
   auto session = Session::open(std::move(*options), parts_.sampler.make_sampler(), parts_.clock);
@@ -230,10 +233,12 @@ Status SessionDriver::apply(const Inbox::Message& message, WorkLimit* work) {
   const v1::SceneDelta& delta = message.request.tick().delta();
   const bool adds = !delta.added_instances().empty();
   if (Status ok = adds ? check_memory(delta, state_bytes_, "tick.delta.added_instances") : Status(); !ok) return ok;
-  auto tick = tick_from_proto(message.request.tick(), *session_, SceneSource{parts_.scenes, parts_.geometry, reader_, work});
+  auto tick = tick_from_proto(message.request.tick(), *session_,
+                              SceneSource{parts_.scenes, parts_.geometry, reader_, work});
   Status applied = tick ? check_budgets(*tick, delta) : tl::unexpected(std::move(tick.error()));
   if (applied && work) applied = build_target_tables(*session_, *tick, parts_.extents, *work);
-  if (!applied && work && work->ended() && applied.error().code == ErrorCode::kResourceExhausted) counters_.hit(Limit::kMaxLoad);
+  if (!applied && work && work->ended() && applied.error().code == ErrorCode::kResourceExhausted)
+    counters_.hit(Limit::kMaxLoad);
   if (applied) {
     tick->arrival_ns = message.arrival_ns;
     applied = session_->apply(*tick);
@@ -300,18 +305,20 @@ void SessionDriver::answer(Turn& turn, const Status& taken) {
   recording_.memory(*session_);
 }
 
-// A step that made no finite numbers. The session's state may hold more of them, so the session ends, and no other does.
+// A step that made no finite numbers. The session's state may hold more of them, so the session ends, and no other
+// does.
 void SessionDriver::end_by_defect(Turn& turn, const Error& error) {
-  parts_.log.error("session failed", {{"session", session_id_}, {"sequence", std::to_string(*stepping_)}, {"reason", error.message}});
+  parts_.log.error("session failed",
+                   {{"session", session_id_}, {"sequence", std::to_string(*stepping_)}, {"reason", error.message}});
   recording_.fault(*stepping_, "session", error.message);
-  turn.end = grpc::Status(grpc::StatusCode::INTERNAL, "the step failed by a defect of the server, so the session ends: " + error.message);
+  turn.end = grpc::Status(grpc::StatusCode::INTERNAL,
+                          "the step failed by a defect of the server, so the session ends: " + error.message);
 }
 
 void SessionDriver::reject(Turn& turn, const Error& error, uint64_t sequence) {
   counters_.rejection();
-  parts_.log.debug(
-      "tick refused",
-      {{"session", session_id_}, {"sequence", std::to_string(sequence)}, {"reason", to_string(error)}});
+  parts_.log.debug("tick refused",
+                   {{"session", session_id_}, {"sequence", std::to_string(sequence)}, {"reason", to_string(error)}});
   v1::TickError& rejection = *turn.replies.emplace_back().mutable_tick_error();
   tick_error_to_proto(error, sequence, &session_->mirror(), rejection);
   recording_.rejection(rejection);

@@ -38,9 +38,10 @@ class SessionDriver {
     // Set by the owner before `plan`:
     std::deque<Inbox::Message> messages;  // oldest first; `plan` leaves those that must wait for the next turn
     bool may_take_long = false;           // the turn runs on a loader
-    std::function<bool()> unwanted;       // nobody waits for the turn any more; asked while it takes long, from any thread
-    int64_t tick_interval_ns = 1;         // as TickPace says, > 0
-    v1::ControlResponse spare;               // a written reply whose memory the next reply uses
+    // nobody waits for the turn any more; asked while it takes long, from any thread
+    std::function<bool()> unwanted;
+    int64_t tick_interval_ns = 1;  // as TickPace says, > 0
+    v1::ControlResponse spare;     // a written reply whose memory the next reply uses
     // Set by `plan` and `finish`:
     std::deque<v1::ControlResponse> replies;
     std::optional<grpc::Status> end;  // close the call with this status once the replies are written

@@ -3,8 +3,8 @@
 #include <utility>
 
 #include "server/base/hash.h"
-#include "server/service/server_info.h"
 #include "server/record/recorder.h"
+#include "server/service/server_info.h"
 #include "server/wire/memory_proto.h"
 
 namespace sightline {
@@ -144,8 +144,8 @@ void SessionRecording::attach_scenes(const v1::OpenSession& request, v1::Session
   for_each_mesh(request.instances(), take);
 }
 
-// Attaches the files that a replay needs to load the scene by the name or hash that the session used. Returns a warning,
-// or an empty string.
+// Attaches the files that a replay needs to load the scene by the name or hash that the session used. Returns a
+// warning, or an empty string.
 std::string SessionRecording::attach(const std::string& scene) {
   if (!tried_scenes_.insert(scene).second) return {};
   ContentHash hash;

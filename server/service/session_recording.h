@@ -9,10 +9,10 @@
 #include <string>
 #include <string_view>
 
-#include "server/service/log.h"
 #include "server/scene/scene_folder.h"
-#include "server/step/step.h"
+#include "server/service/log.h"
 #include "server/session/session.h"
+#include "server/step/step.h"
 #include "sightline/v1/camera_control.pb.h"
 #include "sightline/v1/recording.pb.h"
 
@@ -24,33 +24,36 @@ struct RecordTimes;
 
 // The daemon's options for recordings.
 struct RecordingRules {
-  RecordWriter* writer = nullptr;       // null: nothing is recorded
-  bool all = true;                      // true: unless the client says OFF; false: only when the client says ON
-  bool attach_scenes = false;           // true: always; false: when the client asks for it
-  std::function<uint64_t()> wall_ns{};  // nanoseconds since 1970 (UTC), called once for each session; needed with a writer
+  RecordWriter* writer = nullptr;  // null: nothing is recorded
+  bool all = true;                 // true: unless the client says OFF; false: only when the client says ON
+  bool attach_scenes = false;      // true: always; false: when the client asks for it
+  // nanoseconds since 1970 (UTC), called once for each session; needed with a writer
+  std::function<uint64_t()> wall_ns{};
 };
 
 // Calls must not overlap. They cost almost nothing when nothing is recorded. Only the functions that attach scenes wait
 // for the disk.
 //
-// Messages are recorded in the order of the session: a tick when it is applied or refused, then its reply. Times are taken
-// from the monotonic clock, plus the offset of the wall clock at the opening. The order therefore stays right when the
-// wall clock is set.
+// Messages are recorded in the order of the session: a tick when it is applied or refused, then its reply. Times are
+// taken from the monotonic clock, plus the offset of the wall clock at the opening. The order therefore stays right
+// when the wall clock is set.
 class SessionRecording {
  public:
   // All arguments must outlive it. `clock` is the clock of the arrival times.
-  SessionRecording(const RecordingRules& rules, const StageClock& clock, SceneLibrary& scenes, const SceneReader& reader, const Log& log);
+  SessionRecording(const RecordingRules& rules, const StageClock& clock, SceneLibrary& scenes,
+                   const SceneReader& reader, const Log& log);
   ~SessionRecording();
 
-  // Begins the recording when the rules and the request ask for one, and says so in `opened`, whose other fields must be
-  // set already. Records both messages. It reads the scene files when they are to be attached, which can take long.
+  // Begins the recording when the rules and the request ask for one, and says so in `opened`, whose other fields must
+  // be set already. Records both messages. It reads the scene files when they are to be attached, which can take long.
   void open(const v1::OpenSession& request, const Session& session, int64_t arrival_ns, v1::SessionOpened& opened);
 
   void tick(const v1::Tick& tick, int64_t arrival_ns);
   void rejection(const v1::TickError& rejection);
   // Records the reply; sets its flag `recording_degraded` first when messages are missing in the file.
   void reply(v1::CameraReply& reply);
-  // Records what the session carries, every kMemoryEveryS seconds and when the recorder asks. Call it after `reply`, before the next tick.
+  // Records what the session carries, every kMemoryEveryS seconds and when the recorder asks. Call it after `reply`,
+  // before the next tick.
   void memory(const Session& session);
   static constexpr double kMemoryEveryS = 10.0;
   // Records a failure of the server. `sequence` is the sequence number of the tick, or 0. Never throws.

@@ -43,7 +43,8 @@ size_t bytes_of_shapes(const google::protobuf::RepeatedPtrField<v1::NewInstance>
   std::unordered_set<std::string> seen;
   size_t bytes = 0;
   for (const v1::NewInstance& instance : instances)
-    if (instance.has_shape() && seen.insert(instance.shape().SerializeAsString()).second) bytes += bytes_of(instance.shape());
+    if (instance.has_shape() && seen.insert(instance.shape().SerializeAsString()).second)
+      bytes += bytes_of(instance.shape());
   return bytes;
 }
 

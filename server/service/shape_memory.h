@@ -1,4 +1,5 @@
-// The memory of the shapes of one session. Each distinct shape is a mesh with its tree, and a session can have as many as it has instances.
+// The memory of the shapes of one session. Each distinct shape is a mesh with its tree, and a session can have as many
+// as it has instances.
 #pragma once
 
 #include <google/protobuf/repeated_field.h>
@@ -13,11 +14,12 @@
 
 namespace sightline {
 
-// About what the distinct shapes among these instances take, if nothing has them so far. It is asked before they are built.
+// About what the distinct shapes among these instances take, if nothing has them so far. It is asked before they are
+// built.
 size_t bytes_of_shapes(const google::protobuf::RepeatedPtrField<v1::NewInstance>& instances);
 
-// Counts each distinct shape once, while an instance has it. Meshes of scene files do not count, because scene files have
-// limits of their own. Not thread-safe.
+// Counts each distinct shape once, while an instance has it. Meshes of scene files do not count, because scene files
+// have limits of their own. Not thread-safe.
 class ShapeMemory {
  public:
   // Takes note of what was added. Instances that the mirror lacks are left out.

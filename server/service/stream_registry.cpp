@@ -86,7 +86,8 @@ void StreamRegistry::end_all(const grpc::Status& status) {
   for (const auto& stream : alive()) stream->end(status);
 }
 
-size_t StreamRegistry::end_unless(const std::function<bool(const std::string& client)>& may_stay, const grpc::Status& status) {
+size_t StreamRegistry::end_unless(const std::function<bool(const std::string& client)>& may_stay,
+                                  const grpc::Status& status) {
   std::vector<std::shared_ptr<Drainable>> ended;
   {
     const std::lock_guard lock(mutex_);

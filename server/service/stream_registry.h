@@ -36,11 +36,13 @@ class StreamRegistry {
 
   // Counts the stream until it is removed. Streams are identified by their address.
   Admission add(const std::shared_ptr<Drainable>& stream, const std::string& client = {});
-  // Lets a stream wait for a place (`move_place`) which `add` refused because of a limit. It may be about to resume a session, which has a place
-  // already. A client may have as many waiting streams as places. False: the stream is refused.
+  // Lets a stream wait for a place (`move_place`) which `add` refused because of a limit. It may be about to resume a
+  // session, which has a place already. A client may have as many waiting streams as places. False: the stream is
+  // refused.
   bool add_waiting(const std::shared_ptr<Drainable>& stream, const std::string& client);
   void remove(const Drainable* stream);
-  // `to` takes the place of `from`, and gives up one of its own if it has one. False: the server drains, or `from` has none.
+  // `to` takes the place of `from`, and gives up one of its own if it has one. False: the server drains, or `from` has
+  // none.
   bool move_place(const Drainable* from, const std::shared_ptr<Drainable>& to);
 
   // From now on no stream is admitted; every open stream is notified.

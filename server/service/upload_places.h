@@ -1,8 +1,8 @@
 // The uploads in progress: it limits their number and the memory that they hold together.
 //
-// A place is not kept by an upload that hardly moves. When all places are taken, a new upload takes the place of the slowest one
-// that sends less than kLeastBytesPerS. One client has at most half of the places, and an upload that is slower than kSlowestBytesPerS
-// for long is late, whether or not somebody waits.
+// A place is not kept by an upload that hardly moves. When all places are taken, a new upload takes the place of the
+// slowest one that sends less than kLeastBytesPerS. One client has at most half of the places, and an upload that is
+// slower than kSlowestBytesPerS for long is late, whether or not somebody waits.
 #pragma once
 
 #include <algorithm>
@@ -68,8 +68,8 @@ class UploadPlaces {
   // Ends all uploads, now and from now on: the server is shutting down.
   void end_all();
   bool ended() const;
-  // Takes a place, or none when all that `client` may have are taken by uploads that move. `cancel` is called at most once, from any thread, when
-  // the place is lost; it must return at once.
+  // Takes a place, or none when all that `client` may have are taken by uploads that move. `cancel` is called at most
+  // once, from any thread, when the place is lost; it must return at once.
   void take(std::optional<Place>& place, const std::string& client, std::function<void()> cancel);
 
  private:
@@ -81,8 +81,8 @@ class UploadPlaces {
   const size_t max_uploads_, max_bytes_;
   mutable std::mutex mutex_;
   bool ended_ = false;  // guarded by mutex_
-  Uploads uploads_;   // guarded by mutex_
-  size_t bytes_ = 0;  // of all uploads; guarded by mutex_
+  Uploads uploads_;     // guarded by mutex_
+  size_t bytes_ = 0;    // of all uploads; guarded by mutex_
 };
 
 }  // namespace sightline

@@ -26,8 +26,9 @@ grpc::Status too_large(LimitCounts& counts, const std::string& what, size_t limi
                             what + " is larger than " + std::to_string(limit_bytes) + " bytes" + flag});
 }
 
-grpc::Status collect(grpc::ServerReader<v1::UploadSceneRequest>& reader, const ServiceLimits& limits, LimitCounts& counts,
-                     ReadTimeout& timeout, UploadPlaces::Place& place, std::vector<std::byte>& bytes) {
+grpc::Status collect(grpc::ServerReader<v1::UploadSceneRequest>& reader, const ServiceLimits& limits,
+                     LimitCounts& counts, ReadTimeout& timeout, UploadPlaces::Place& place,
+                     std::vector<std::byte>& bytes) {
   v1::UploadSceneRequest request;
   const auto next = [&] {
     timeout.begin();
@@ -37,23 +38,26 @@ grpc::Status collect(grpc::ServerReader<v1::UploadSceneRequest>& reader, const S
   };
   while (next()) {
     const auto chunk = std::as_bytes(std::span(request.chunk()));
-    if (chunk.size() > limits.max_chunk_bytes) return too_large(counts, "a chunk", limits.max_chunk_bytes, ", which is fixed");
-    if (bytes.size() + chunk.size() > limits.max_upload_bytes) return too_large(counts, "the file", limits.max_upload_bytes, " (--max-upload-mib)");
+    if (chunk.size() > limits.max_chunk_bytes)
+      return too_large(counts, "a chunk", limits.max_chunk_bytes, ", which is fixed");
+    if (bytes.size() + chunk.size() > limits.max_upload_bytes)
+      return too_large(counts, "the file", limits.max_upload_bytes, " (--max-upload-mib)");
     if (!place.add(chunk.size())) {
       counts.hit(Limit::kMaxUpload);
       return exhausted_status("the uploads in progress hold too much memory (twice --max-upload-mib)", kRetryDelay);
     }
     if (place.late()) {
       counts.hit(Limit::kMaxUploads);
-      return {grpc::StatusCode::DEADLINE_EXCEEDED, "the upload is too slow: it held one of the places of --max-uploads for too long"};
+      return {grpc::StatusCode::DEADLINE_EXCEEDED,
+              "the upload is too slow: it held one of the places of --max-uploads for too long"};
     }
     bytes.insert(bytes.end(), chunk.begin(), chunk.end());
   }
   return grpc::Status::OK;
 }
 
-grpc::Status load(const ServiceParts& parts, std::span<const std::byte> bytes, const std::string& client, WorkLimit& work,
-                  v1::UploadSceneResponse& reply) try {
+grpc::Status load(const ServiceParts& parts, std::span<const std::byte> bytes, const std::string& client,
+                  WorkLimit& work, v1::UploadSceneResponse& reply) try {
   const auto asset = parts.scenes.add_uploaded(bytes, client, &work);
   if (!asset) {
     if (const auto limit = limit_of(asset.error())) parts.stats.limits.hit(*limit);
@@ -79,10 +83,12 @@ grpc::Status load_apart(grpc::ServerContext& context, const ServiceParts& parts,
   WorkLimit work(parts.load, [&unwanted] { return unwanted.load(); });
   grpc::Status status;
   std::binary_semaphore loaded(0);
-  parts.uploaders.post([&] {
-    status = unwanted ? grpc::Status::CANCELLED : load(parts, bytes, client, work, reply);
-    loaded.release();
-  }, client);
+  parts.uploaders.post(
+      [&] {
+        status = unwanted ? grpc::Status::CANCELLED : load(parts, bytes, client, work, reply);
+        loaded.release();
+      },
+      client);
   while (!loaded.try_acquire_for(kLookEvery))
     if (context.IsCancelled()) unwanted = true;
   return unwanted ? grpc::Status::CANCELLED : status;
@@ -100,7 +106,8 @@ grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::U
   if (!place) {
     counts.hit(Limit::kMaxUploads);
     return exhausted_status("too many uploads are in progress, " + std::to_string(places.max_of_client()) +
-                                " at most of one client (--max-uploads)", kRetryDelay);
+                                " at most of one client (--max-uploads)",
+                            kRetryDelay);
   }
   std::vector<std::byte> bytes;
   ReadTimeout timeout(timers, context, limits.upload_timeout);
@@ -113,7 +120,8 @@ grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::U
   if (!place->complete()) {
     if (places.ended()) return {grpc::StatusCode::UNAVAILABLE, "the server is shutting down"};
     counts.hit(Limit::kMaxUploads);
-    parts.log.info("upload ended", {{"reason", "it was too slow, and another one needed its place"}, {"client", client}});
+    parts.log.info("upload ended",
+                   {{"reason", "it was too slow, and another one needed its place"}, {"client", client}});
     return grpc::Status::CANCELLED;
   }
   // The first part of a file can be a valid file by itself, so an upload that was cut short is not read.

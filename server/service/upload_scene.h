@@ -13,11 +13,12 @@
 
 namespace sightline {
 
-// Collects the chunks, then reads the file on an uploader's thread. Blocks until that is done, or the call ends: the reading ends then too.
+// Collects the chunks, then reads the file on an uploader's thread. Blocks until that is done, or the call ends: the
+// reading ends then too.
 //
-// A call without a place is refused with RESOURCE_EXHAUSTED and a retry time, and so is one that would take too much memory
-// beside the others. A chunk or file that is too large is refused without a retry time. A call whose client sends nothing for
-// limits.upload_timeout, or that loses its place, ends as CANCELLED. `client` is the client's name.
+// A call without a place is refused with RESOURCE_EXHAUSTED and a retry time, and so is one that would take too much
+// memory beside the others. A chunk or file that is too large is refused without a retry time. A call whose client
+// sends nothing for limits.upload_timeout, or that loses its place, ends as CANCELLED. `client` is the client's name.
 grpc::Status upload_scene(grpc::ServerContext& context, grpc::ServerReader<v1::UploadSceneRequest>& reader,
                           const ServiceParts& parts, const ServiceLimits& limits, Timers& timers, UploadPlaces& places,
                           const std::string& client, v1::UploadSceneResponse& reply);

@@ -7,7 +7,9 @@
 namespace sightline {
 
 Watchdog::Watchdog(std::vector<Watched> watched, Seconds limit, Seconds period, Look look)
-    : watched_(std::move(watched)), limit_(limit), period_(period), look_(std::move(look)), thread_([this] { run(); }) {}
+    : watched_(std::move(watched)), limit_(limit), period_(period), look_(std::move(look)), thread_([this] {
+        run();
+      }) {}
 
 Watchdog::~Watchdog() {
   {

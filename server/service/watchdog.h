@@ -1,9 +1,10 @@
 // Watches the threads of the daemon, and says when one of them hangs.
 //
-// A thread hangs when it has not gone round for the limit: an event loop, the timers or a thread of the gate that do not come back to wait for
-// the next event, or a stepping thread that is still at the same round of steps. A hung daemon fails its liveness, so that what runs it can
-// restart it. The threads that read scenes and open sessions (WorkerPool) are not watched. On a small share of a CPU a large scene may take
-// longer than the limit. A restart would then lose every session, and the next attempt would be no faster.
+// A thread hangs when it has not gone round for the limit: an event loop, the timers or a thread of the gate that do
+// not come back to wait for the next event, or a stepping thread that is still at the same round of steps. A hung
+// daemon fails its liveness, so that what runs it can restart it. The threads that read scenes and open sessions
+// (WorkerPool) are not watched. On a small share of a CPU a large scene may take longer than the limit. A restart would
+// then lose every session, and the next attempt would be no faster.
 #pragma once
 
 #include <chrono>

@@ -22,8 +22,8 @@ WorkerPool::~WorkerPool() {
   for (std::thread& thread : threads_) thread.join();
 }
 
-// A client is known with all that it needs for its turns, or not at all: they allocate nothing, since the threads of the pool have nobody
-// to tell that there is no memory.
+// A client is known with all that it needs for its turns, or not at all: they allocate nothing, since the threads of
+// the pool have nobody to tell that there is no memory.
 void WorkerPool::post(Task task, const std::string& client) {
   {
     const std::lock_guard lock(mutex_);

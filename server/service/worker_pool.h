@@ -13,10 +13,10 @@
 
 namespace sightline {
 
-// Runs tasks on `threads` threads. Clients take turns: one that has many tasks delays another's by one task for each thread. With several
-// threads one client has at most all but one of them, so that the next client need not wait for its long tasks. The
-// tasks of one client start in the order in which they were posted. The queue has no bound of its own. Every
-// stream and upload keeps at most one task in it, and their number is limited. Thread-safe.
+// Runs tasks on `threads` threads. Clients take turns: one that has many tasks delays another's by one task for each
+// thread. With several threads one client has at most all but one of them, so that the next client need not wait for
+// its long tasks. The tasks of one client start in the order in which they were posted. The queue has no bound of its
+// own. Every stream and upload keeps at most one task in it, and their number is limited. Thread-safe.
 class WorkerPool {
  public:
   // The system gives its threads less time beside others that want it, the higher `niceness` is, at most 19.
@@ -26,7 +26,8 @@ class WorkerPool {
   WorkerPool(const WorkerPool&) = delete;
   WorkerPool& operator=(const WorkerPool&) = delete;
 
-  // Tasks must not throw. `client` is the name of the client that it is for. Throws std::bad_alloc, and has posted nothing then.
+  // Tasks must not throw. `client` is the name of the client that it is for. Throws std::bad_alloc, and has posted
+  // nothing then.
   void post(std::function<void()> task, const std::string& client = {});
   unsigned threads() const { return static_cast<unsigned>(threads_.size()); }
 

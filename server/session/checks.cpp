@@ -29,8 +29,7 @@ bool is_within(const glm::dvec3& p, double limit) {  // false for NaN
 Status check_known(const std::vector<uint64_t>& named, const IdsAfter& ids, const std::string& field) {
   for (size_t i = 0; i < named.size(); ++i)
     if (!ids.contains(named[i]))
-      return fail(ErrorCode::kNotFound, indexed(field, i),
-                  "no instance has the id " + std::to_string(named[i]));
+      return fail(ErrorCode::kNotFound, indexed(field, i), "no instance has the id " + std::to_string(named[i]));
   return {};
 }
 
@@ -42,8 +41,7 @@ glm::dvec3 scaled(const glm::dvec3& offset_m, uint64_t id, const IdsAfter& ids) 
 
 Status check_target(const Target& target, const IdsAfter& ids, const std::string& field) {
   if (!ids.contains(target.instance_id))
-    return fail(ErrorCode::kNotFound, field + ".id",
-                "no instance has the id " + std::to_string(target.instance_id));
+    return fail(ErrorCode::kNotFound, field + ".id", "no instance has the id " + std::to_string(target.instance_id));
   const std::string weight = field + ".weight";
   if (Status ok = check_zero_or(weight.c_str(), target.weight, '[', kMinWeight, kMaxWeight, ']'); !ok) return ok;
   if (target.aim_offset_m && !is_within(scaled(*target.aim_offset_m, target.instance_id, ids), kMaxCoordinateM))
@@ -67,7 +65,8 @@ Status check_parts(const std::vector<Target>& targets, const std::string& list) 
       if (is_new) continue;
       const size_t of = known->second;
       const bool is_target = targets[of].instance_id == targets[i].part_ids[j];
-      return invalid(indexed(indexed(list, i) + ".part_ids", j), (is_target ? "is " : "is a part of ") + indexed(list, of) + " already");
+      return invalid(indexed(indexed(list, i) + ".part_ids", j),
+                     (is_target ? "is " : "is a part of ") + indexed(list, of) + " already");
     }
   return {};
 }
@@ -118,8 +117,7 @@ bool is_unit(const glm::dquat& rotation) {
 
 Status check_pose(const Pose& pose, const std::string& field) {
   if (!is_within(pose.position_m, kMaxCoordinateM))
-    return invalid(field + ".position",
-                   "each coordinate must be finite and within 1e9 m of the world origin");
+    return invalid(field + ".position", "each coordinate must be finite and within 1e9 m of the world origin");
   if (is_unit(pose.rotation)) return {};
   return invalid(field + ".rotation",
                  "must have unit length within 1e-3, got length " + number(glm::length(pose.rotation)));
@@ -159,9 +157,9 @@ std::string client_field(const std::string& mirror_field) {
   if (mirror_field == "velocities_mps") return "transforms.velocities";
   if (mirror_field == "angular_velocities_radps") return "transforms.angular_velocities";
   std::string field = "delta." + mirror_field;
-  for (const auto& [mirror, client] : {std::pair("delta.remove[", "delta.removed_ids["),
-                                       std::pair("delta.add[", "delta.added_instances["),
-                                       std::pair("delta.change[", "delta.changed_instances[")})
+  for (const auto& [mirror, client] :
+       {std::pair("delta.remove[", "delta.removed_ids["), std::pair("delta.add[", "delta.added_instances["),
+        std::pair("delta.change[", "delta.changed_instances[")})
     if (field.starts_with(mirror)) field.replace(0, std::string_view(mirror).size(), client);
   replace_end(field, ".position_m", ".position");
   replace_end(field, ".linear", ".scale");

@@ -35,7 +35,8 @@ class IdsAfter {
 // Fields "<list>" (more than kMaxTargets), "<list>[i].id" (unknown, or named twice), ".weight",
 // ".aim_offset",
 // ".attached_ids[j]" and ".ignored_ids[j]" (unknown: they must exist when they are named, and may be removed later),
-// ".part_ids" (more than kMaxTargetParts) and ".part_ids[j]" (unknown, by the same rule; a target; or a part that was named before).
+// ".part_ids" (more than kMaxTargetParts) and ".part_ids[j]" (unknown, by the same rule; a target; or a part that was
+// named before).
 Status check_targets(const std::vector<Target>& targets, const IdsAfter& ids, const std::string& list);
 
 // A rotation's length is within 1e-3 of 1; false for NaN.

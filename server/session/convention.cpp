@@ -13,7 +13,8 @@ constexpr double kRadiansPerDegree = std::numbers::pi / 180;
 constexpr double kFarthestOriginM = 1e15;
 
 Convention preset(const glm::dmat3& canonical_from_client, double metres_per_unit,
-                  const glm::dvec3& camera_forward, const glm::dvec3& camera_up) {  // models face along the camera's forward axis
+                  // models face along the camera's forward axis
+                  const glm::dvec3& camera_forward, const glm::dvec3& camera_up) {
   Convention c;
   c.canonical_from_client = canonical_from_client;
   c.metres_per_unit = metres_per_unit;
@@ -92,12 +93,12 @@ Status validate(const Convention& c) {
     return invalid("convention.custom.y", "must be an axis, and another one than x");
   if (!is_axis(m[2]) || glm::dot(m[0], m[2]) != 0 || glm::dot(m[1], m[2]) != 0)
     return invalid("convention.custom.z", "must be an axis, and another one than x and y");
-  if (Status ok = check_range("convention.custom.metres_per_unit", c.metres_per_unit, 1e-6, 1e6); !ok)
-    return ok;
+  if (Status ok = check_range("convention.custom.metres_per_unit", c.metres_per_unit, 1e-6, 1e6); !ok) return ok;
   if (!is_axis(c.camera_forward)) return invalid("convention.custom.camera_forward", "must be an axis");
   if (!is_axis(c.camera_up) || glm::dot(c.camera_forward, c.camera_up) != 0)
     return invalid("convention.custom.camera_up", "must be an axis, and not along camera_forward");
-  if (!(std::abs(c.origin_m.x) <= kFarthestOriginM && std::abs(c.origin_m.y) <= kFarthestOriginM && std::abs(c.origin_m.z) <= kFarthestOriginM))
+  if (!(std::abs(c.origin_m.x) <= kFarthestOriginM && std::abs(c.origin_m.y) <= kFarthestOriginM &&
+        std::abs(c.origin_m.z) <= kFarthestOriginM))
     return invalid("world_origin", "each coordinate must be finite and within 1e15 m");
   return {};
 }

@@ -21,12 +21,13 @@ namespace sightline {
 struct Convention {
   glm::dmat3 canonical_from_client{1.0};  // signed permutation; determinant -1 for left-handed clients
   double metres_per_unit = 1.0;           // [1e-6, 1e6]
-  glm::dvec3 camera_forward{0, 0, -1};    // client axes; the direction in which a camera with the identity rotation looks
-  glm::dvec3 camera_up{0, 1, 0};          // client axes; the up direction of its picture
-  glm::dvec3 model_front{0, 0, 1};        // client axes; the direction along which models face
-  bool horizontal_fov = false;            // fields of view are horizontal ones
-  bool degrees = false;                   // and in degrees
-  glm::dvec3 origin_m{0.0};               // canonical metres; subtracted from every position
+  // client axes; the direction in which a camera with the identity rotation looks
+  glm::dvec3 camera_forward{0, 0, -1};
+  glm::dvec3 camera_up{0, 1, 0};    // client axes; the up direction of its picture
+  glm::dvec3 model_front{0, 0, 1};  // client axes; the direction along which models face
+  bool horizontal_fov = false;      // fields of view are horizontal ones
+  bool degrees = false;             // and in degrees
+  glm::dvec3 origin_m{0.0};         // canonical metres; subtracted from every position
 };
 
 Convention gltf_convention();

@@ -6,8 +6,8 @@
 namespace sightline {
 namespace {
 
-// The motions: to stand, to go on, and to speed up or turn. How often each passes into the others, 1/s. The spectral density of its acceleration, m^2/s^3; of who stands,
-// that of the velocity, m^2/s.
+// The motions: to stand, to go on, and to speed up or turn. How often each passes into the others, 1/s. The spectral
+// density of its acceleration, m^2/s^3; of who stands, that of the velocity, m^2/s.
 constexpr size_t kMotions = 3, kStands = 0;
 constexpr std::array<double, kMotions> kLeaves{0.05, 0.05, 2.0};
 constexpr std::array<double, kMotions> kUnrest{1e-6, 1e-3, 30.0};
@@ -16,10 +16,12 @@ constexpr double kNoisyM = 1e-3, kCalmM = 5e-4;
 // The memory of noise and holds, and the number of positions from which on it is known.
 constexpr double kMemoryS = 0.5;
 constexpr uint32_t kKnownMisses = 12;
-// Positions are held if this share of them was sent in more than one tick, until the share falls below the second value.
+// Positions are held if this share of them was sent in more than one tick, until the share falls below the second
+// value.
 constexpr double kHeldShare = 0.08, kFreeShare = 0.03;
 constexpr uint32_t kKnownIntervals = 2, kMostIntervals = 1000;
-// It may be held for this much longer than the others before it. Whoever has not moved for the second time stands, and is not held.
+// It may be held for this much longer than the others before it. Whoever has not moved for the second time stands, and
+// is not held.
 constexpr double kHeldLonger = 1.25, kLongestHeldS = 0.15;
 // Slower than this, and nearer to the position that was sent, is at rest.
 constexpr double kRestMps = 0.02, kRestM = 1e-3;
@@ -29,8 +31,9 @@ constexpr double kFirstVelocity = 4.0;
 }  // namespace
 
 double MotionTrack::noise_m() const {
-  // The miss of position n is what the last two positions did not foretell: n_k - 2 n_{k-1} + n_{k-2} of the noise. Successive ones have the
-  // covariance -4 sigma^2 by axis. Those of a smooth motion have the same direction, and a corner is one miss alone.
+  // The miss of position n is what the last two positions did not foretell: n_k - 2 n_{k-1} + n_{k-2} of the noise.
+  // Successive ones have the covariance -4 sigma^2 by axis. Those of a smooth motion have the same direction, and a
+  // corner is one miss alone.
   return misses_ < kKnownMisses ? 0.0 : std::sqrt(std::max(0.0, -miss_product_m2_) / 12.0);
 }
 
@@ -42,7 +45,8 @@ double MotionTrack::variance_m2() const {
   // A position may be as old as its tick is late.
   glm::dvec3 velocity_mps(0.0);
   for (const Belief& belief : beliefs_) velocity_mps += belief.share * belief.velocity_mps;
-  return std::max(noise_m() * noise_m(), kCalmM * kCalmM) + glm::dot(velocity_mps, velocity_mps) * interval_variance_s2_;
+  return std::max(noise_m() * noise_m(), kCalmM * kCalmM) +
+         glm::dot(velocity_mps, velocity_mps) * interval_variance_s2_;
 }
 
 // The weight of the newest value in a mean over the last half second, or over all so far.
@@ -73,7 +77,8 @@ MotionEstimate MotionTrack::observe(double dt_s, const glm::dvec3& at_m, double 
   return leaps && !filters_ ? MotionEstimate{} : now;
 }
 
-MotionEstimate MotionTrack::observe_sent(double dt_s, const glm::dvec3& at_m, const glm::dvec3& velocity_mps, double jump_mps) {
+MotionEstimate MotionTrack::observe_sent(double dt_s, const glm::dvec3& at_m, const glm::dvec3& velocity_mps,
+                                         double jump_mps) {
   if (!known_ || jumps(dt_s, at_m, jump_mps)) return restart(at_m), sent_ = true, MotionEstimate{velocity_mps, {}};
   since_s_ += dt_s, ++ticks_since_;
   sent_ = true;
@@ -187,8 +192,12 @@ double MotionTrack::correct(Belief& belief, const glm::dvec3& at_m, double varia
 void MotionTrack::begin_beliefs(const glm::dvec3& at_m, const glm::dvec3& velocity_mps, double interval_s) {
   const double variance = variance_m2();
   for (Belief& belief : beliefs_)
-    belief = {.at_m = at_m, .velocity_mps = velocity_mps, .position = variance, .both = variance / interval_s,
-              .velocity = std::min(2 * variance / (interval_s * interval_s), kFirstVelocity) + kFirstVelocity, .share = 1.0 / kMotions};
+    belief = {.at_m = at_m,
+              .velocity_mps = velocity_mps,
+              .position = variance,
+              .both = variance / interval_s,
+              .velocity = std::min(2 * variance / (interval_s * interval_s), kFirstVelocity) + kFirstVelocity,
+              .share = 1.0 / kMotions};
   for (Belief& belief : beliefs_) belief.both = std::min(belief.both, std::sqrt(belief.position * belief.velocity) / 2);
   filters_ = true;
   believed_s_ = 0.0;
@@ -210,7 +219,8 @@ void MotionTrack::mix_beliefs(double time_s) {
       mixed.at_m += parts[from] * before[from].at_m, mixed.velocity_mps += parts[from] * before[from].velocity_mps;
     }
     for (size_t from = 0; from < kMotions; ++from) {
-      const glm::dvec3 aside_m = before[from].at_m - mixed.at_m, aside_mps = before[from].velocity_mps - mixed.velocity_mps;
+      const glm::dvec3 aside_m = before[from].at_m - mixed.at_m,
+                       aside_mps = before[from].velocity_mps - mixed.velocity_mps;
       mixed.position += parts[from] * (before[from].position + glm::dot(aside_m, aside_m) / 3);
       mixed.both += parts[from] * (before[from].both + glm::dot(aside_m, aside_mps) / 3);
       mixed.velocity += parts[from] * (before[from].velocity + glm::dot(aside_mps, aside_mps) / 3);
@@ -230,14 +240,16 @@ void MotionTrack::update_beliefs(double time_s, const glm::dvec3& at_m) {
   }
   const double most = *std::max_element(likelihood.begin(), likelihood.end());
   double sum = 0;
-  for (size_t k = 0; k < kMotions; ++k) sum += beliefs_[k].share = std::max(beliefs_[k].share * std::exp(likelihood[k] - most), kLeastShare);
+  for (size_t k = 0; k < kMotions; ++k)
+    sum += beliefs_[k].share = std::max(beliefs_[k].share * std::exp(likelihood[k] - most), kLeastShare);
   for (Belief& belief : beliefs_) belief.share /= sum;
   believed_s_ = 0.0;
 }
 
 MotionEstimate MotionTrack::estimate(double ahead_s) const {
   glm::dvec3 at_m(0.0), velocity_mps(0.0);
-  for (const Belief& belief : beliefs_) at_m += belief.share * belief.at_m, velocity_mps += belief.share * belief.velocity_mps;
+  for (const Belief& belief : beliefs_)
+    at_m += belief.share * belief.at_m, velocity_mps += belief.share * belief.velocity_mps;
   return {velocity_mps, at_m + velocity_mps * ahead_s - last_m_};
 }
 

@@ -1,10 +1,12 @@
 // How an instance moves, found from the positions that a client sends without velocities.
 //
-// Positions that change at every tick, without noise, are taken as they are: the velocity is the last change of position over its time. Games also send other
-// positions. Physics at 30 Hz in ticks of 60 Hz holds each position for two ticks, so a runner seems to stand at every second one. Positions from a
-// tracker, or in whole centimetres, are noisy: 1 cm at 60 Hz looks like 0.8 m/s. Then three motions are believed in parts, each by how well it has foretold the
-// positions: to stand, to go on with hardly another velocity, and to change it as hard as a sprinter who stops (an interacting multiple model filter: Blom and
-// Bar-Shalom 1988). The estimate goes on between held positions, and stops when a position is held for longer than the others were.
+// Positions that change at every tick, without noise, are taken as they are: the velocity is the last change of
+// position over its time. Games also send other positions. Physics at 30 Hz in ticks of 60 Hz holds each position for
+// two ticks, so a runner seems to stand at every second one. Positions from a tracker, or in whole centimetres, are
+// noisy: 1 cm at 60 Hz looks like 0.8 m/s. Then three motions are believed in parts, each by how well it has foretold
+// the positions: to stand, to go on with hardly another velocity, and to change it as hard as a sprinter who stops (an
+// interacting multiple model filter: Blom and Bar-Shalom 1988). The estimate goes on between held positions, and stops
+// when a position is held for longer than the others were.
 #pragma once
 
 #include <array>
@@ -25,7 +27,8 @@ class MotionTrack {
   // An instance that has stood there.
   explicit MotionTrack(const glm::dvec3& at_m) { restart(at_m); }
 
-  // Adds the position after dt_s > 0. At the first one the instance is taken to stand. The same after a jump, which is a motion faster than `jump_mps`.
+  // Adds the position after dt_s > 0. At the first one the instance is taken to stand. The same after a jump, which is
+  // a motion faster than `jump_mps`.
   MotionEstimate observe(double dt_s, const glm::dvec3& at_m, double jump_mps);
   // For an instance whose velocity the client sends: only held positions are gone on from.
   MotionEstimate observe_sent(double dt_s, const glm::dvec3& at_m, const glm::dvec3& velocity_mps, double jump_mps);
@@ -47,7 +50,8 @@ class MotionTrack {
     double share = 0.0;  // how much it is believed, [0, 1]; those of all beliefs together are 1
   };
   static void go_on(Belief& belief, double time_s, size_t motion);
-  static double correct(Belief& belief, const glm::dvec3& at_m, double variance);  // returns the logarithm of its likelihood
+  // returns the logarithm of its likelihood
+  static double correct(Belief& belief, const glm::dvec3& at_m, double variance);
 
   void restart(const glm::dvec3& at_m);
   bool jumps(double dt_s, const glm::dvec3& at_m, double jump_mps) const;
@@ -66,17 +70,17 @@ class MotionTrack {
 
   bool known_ = false, stands_ = true, held_ = false, filters_ = false, noisy_ = false, sent_ = false;
   glm::dvec3 last_m_{0.0};
-  double since_s_ = 0.0;                   // the position became last_m_
+  double since_s_ = 0.0;  // the position became last_m_
   uint32_t ticks_since_ = 0;
-  std::array<double, 3> intervals_s_{};    // between the last changes, the newest first
-  uint32_t intervals_ = 0;                 // their number, up to the number that counts
-  double held_share_ = 0.0;                // of the positions: sent in more than one tick
+  std::array<double, 3> intervals_s_{};  // between the last changes, the newest first
+  uint32_t intervals_ = 0;               // their number, up to the number that counts
+  double held_share_ = 0.0;              // of the positions: sent in more than one tick
   double mean_interval_s_ = 0.0, interval_variance_s2_ = 0.0;
   glm::dvec3 last_mps_{0.0}, last_miss_m_{0.0};
-  uint32_t misses_ = 0;                    // number of positions that could be foretold, up to the number that counts
-  double miss_product_m2_ = 0.0;           // mean product of successive misses
+  uint32_t misses_ = 0;           // number of positions that could be foretold, up to the number that counts
+  double miss_product_m2_ = 0.0;  // mean product of successive misses
   std::array<Belief, 3> beliefs_{};
-  double believed_s_ = 0.0;                // since the beliefs were corrected
+  double believed_s_ = 0.0;  // since the beliefs were corrected
 };
 
 }  // namespace sightline

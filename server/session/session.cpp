@@ -51,8 +51,8 @@ Error in_open_request(Error error, size_t scene_instances) {
           std::move(error.message)};
 }
 
-// The greatest distance between a position that was sent and the same position after a client kept it in single precision. It is four
-// times the rounding error of the largest coordinate.
+// The greatest distance between a position that was sent and the same position after a client kept it in single
+// precision. It is four times the rounding error of the largest coordinate.
 double rounding_m(const Convention& convention, const glm::dvec3& position_m) {
   const glm::dvec3 client_m = glm::abs(position_m + convention.origin_m);
   return 0x1p-22 * std::max({client_m.x, client_m.y, client_m.z});
@@ -81,8 +81,7 @@ Result<std::unique_ptr<Session>> Session::open(SessionOptions options, std::uniq
   if (Status ok = session->add_first_instances(); !ok) return tl::unexpected(ok.error());
   const SceneDelta nothing;
   const IdsAfter ids(session->mirror_, nothing);
-  if (Status ok = check_targets(session->options_.targets, ids, "open.targets"); !ok)
-    return tl::unexpected(ok.error());
+  if (Status ok = check_targets(session->options_.targets, ids, "open.targets"); !ok) return tl::unexpected(ok.error());
   session->take_extents();
   if (session->sampler_) session->sampler_->prepare(session->mirror_);  // a session that never steps needs none
   session->stepper_.place_camera(session->options_.camera, glm::dvec3(0.0));
@@ -149,12 +148,13 @@ Status Session::check(const TickInput& tick, const IdsAfter& ids) const {
   if (Status ok = check_clock(tick); !ok) return ok;
   if (Status ok = check_camera(tick); !ok) return ok;
   for (size_t i = 0; i < tick.transforms.velocities_mps.size(); ++i)
-    if (Status ok =
-            check_speed(tick.transforms.velocities_mps[i], indexed("tick.transforms.velocities", 3 * i));
-        !ok)
+    if (Status ok = check_speed(tick.transforms.velocities_mps[i], indexed("tick.transforms.velocities", 3 * i)); !ok)
       return ok;
   for (size_t i = 0; i < tick.transforms.angular_velocities_radps.size(); ++i)
-    if (Status ok = check_turn(tick.transforms.angular_velocities_radps[i], indexed("tick.transforms.angular_velocities", 3 * i)); !ok) return ok;
+    if (Status ok = check_turn(tick.transforms.angular_velocities_radps[i],
+                               indexed("tick.transforms.angular_velocities", 3 * i));
+        !ok)
+      return ok;
   if (tick.targets) return check_targets(*tick.targets, ids, "tick.targets.targets");
   for (size_t i = 0; i < tick.delta.remove.size(); ++i) {
     const uint64_t id = tick.delta.remove[i];
@@ -168,21 +168,22 @@ Status Session::check(const TickInput& tick, const IdsAfter& ids) const {
 
 Status Session::check_clock(const TickInput& tick) const {
   if (ticked_ && tick.sequence <= sequence_)
-    return invalid("tick.sequence", "must increase, got " + std::to_string(tick.sequence) + " after " +
-                                        std::to_string(sequence_));
-  if (!(std::abs(tick.time_s) <= kFarthestTimeS)) return check_range("tick.time_s", tick.time_s, -kFarthestTimeS, kFarthestTimeS);
+    return invalid("tick.sequence",
+                   "must increase, got " + std::to_string(tick.sequence) + " after " + std::to_string(sequence_));
+  if (!(std::abs(tick.time_s) <= kFarthestTimeS))
+    return check_range("tick.time_s", tick.time_s, -kFarthestTimeS, kFarthestTimeS);
   if (ticked_ && tick.time_s < time_s_)
-    return invalid("tick.time_s", "must not go back, got " + std::to_string(tick.time_s) + " after " +
-                                      std::to_string(time_s_));
+    return invalid("tick.time_s",
+                   "must not go back, got " + std::to_string(tick.time_s) + " after " + std::to_string(time_s_));
   return tick.dt_s ? check_range("tick.dt_s", *tick.dt_s, 0.0, kFarthestTimeS) : Status{};
 }
 
 Status Session::check_camera(const TickInput& tick) const {
   if (tick.observed_camera) {
     if (Status ok = check_pose(tick.observed_camera->pose, "tick.observed_camera.pose"); !ok) return ok;
-    if (Status ok = check_speed(tick.observed_camera->velocity_mps, "tick.observed_camera.velocity"); !ok)
-      return ok;
-    if (Status ok = check_turn(tick.observed_camera->angular_velocity_radps, "tick.observed_camera.angular_velocity"); !ok)
+    if (Status ok = check_speed(tick.observed_camera->velocity_mps, "tick.observed_camera.velocity"); !ok) return ok;
+    if (Status ok = check_turn(tick.observed_camera->angular_velocity_radps, "tick.observed_camera.angular_velocity");
+        !ok)
       return ok;
   }
   return check_terms(tick);
@@ -195,10 +196,13 @@ Status Session::check_terms(const TickInput& tick) const {
   const StepSettings& settings = tick.settings ? *tick.settings : options_.settings;
   if (Status ok = check_lens(lens, "tick.lens"); !ok) return ok;
   if (Status ok = validate(settings); !ok) return below("tick.", ok.error());
-  const Status ok = validate(tick.limits ? *tick.limits : options_.limits, lens_for_body(lens, settings.framing, tick.shot ? *tick.shot : options_.shot));
+  const Status ok = validate(tick.limits ? *tick.limits : options_.limits,
+                             lens_for_body(lens, settings.framing, tick.shot ? *tick.shot : options_.shot));
   if (ok) return {};
   if (tick.limits) return below("tick.limits.", ok.error());
-  return invalid(tick.lens ? "tick.lens" : tick.settings ? "tick.settings.max_vertical_fov_rad" : "tick.shot.max_field_of_view",
+  return invalid(tick.lens       ? "tick.lens"
+                 : tick.settings ? "tick.settings.max_vertical_fov_rad"
+                                 : "tick.shot.max_field_of_view",
                  "does not go with the session's limits." + ok.error().field + ": " + ok.error().message);
 }
 
@@ -210,11 +214,13 @@ double Session::step_length_s(const TickInput& tick) const {
 
 // An instance that stays must not seem to move, because coordinates round otherwise in a shifted world.
 void Session::stay_if_rounded(const Instance& before, const glm::dvec3& world_shift_m, glm::dvec3& position_m) const {
-  const double rounding_m = 0x1p-48 * (glm::length(options_.convention.origin_m) + glm::length(world_shift_m) + glm::length(position_m));
+  const double rounding_m = 0x1p-48 * (glm::length(options_.convention.origin_m) + glm::length(world_shift_m) +
+                                       glm::length(position_m));
   if (glm::distance(position_m, before.pose.position_m) <= rounding_m) position_m = before.pose.position_m;
 }
 
-// Fills update_ for the mirror: the tick's transforms, completed by kept rotations, derived velocities and corrections of held and noisy positions.
+// Fills update_ for the mirror: the tick's transforms, completed by kept rotations, derived velocities and corrections
+// of held and noisy positions.
 void Session::fill_update(const TickInput& tick, const IdsAfter& ids) {
   const TransformUpdate& sent = tick.transforms;
   const bool derives = sent.velocities_mps.empty(), derives_turns = sent.angular_velocities_radps.empty();
@@ -223,7 +229,8 @@ void Session::fill_update(const TickInput& tick, const IdsAfter& ids) {
   update_.velocities_mps.clear(), update_.angular_velocities_radps.clear(), update_.corrections_m.clear();
   new_tracks_.clear();
   const auto counts = [&](size_t numbers) { return numbers == sent.ids.size(); };
-  if (!counts(sent.poses.size()) || !(derives || counts(sent.velocities_mps.size())) || !(derives_turns || counts(sent.angular_velocities_radps.size()))) {
+  if (!counts(sent.poses.size()) || !(derives || counts(sent.velocities_mps.size())) ||
+      !(derives_turns || counts(sent.angular_velocities_radps.size()))) {
     update_.velocities_mps = sent.velocities_mps, update_.angular_velocities_radps = sent.angular_velocities_radps;
     return;  // the mirror returns the error
   }
@@ -232,13 +239,14 @@ void Session::fill_update(const TickInput& tick, const IdsAfter& ids) {
     const Instance* before = ids.staying(sent.ids[i]);
     if (tick.keeps_rotations) {
       const NewInstance* added = ids.added(sent.ids[i]);
-      update_.poses[i].rotation = added    ? added->pose.rotation
-                                  : before ? before->pose.rotation
-                                           : Pose{}.rotation;
+      update_.poses[i].rotation = added ? added->pose.rotation : before ? before->pose.rotation : Pose{}.rotation;
     }
-    if (before && (tick.world_shift_m != glm::dvec3(0.0) || options_.convention.origin_m != glm::dvec3(0.0))) stay_if_rounded(*before, tick.world_shift_m, update_.poses[i].position_m);
-    add_motion(sent.ids[i], before, update_.poses[i],
-               {derives ? nullptr : &sent.velocities_mps[i], derives_turns ? nullptr : &sent.angular_velocities_radps[i]}, dt_s);
+    if (before && (tick.world_shift_m != glm::dvec3(0.0) || options_.convention.origin_m != glm::dvec3(0.0)))
+      stay_if_rounded(*before, tick.world_shift_m, update_.poses[i].position_m);
+    add_motion(
+        sent.ids[i], before, update_.poses[i],
+        {derives ? nullptr : &sent.velocities_mps[i], derives_turns ? nullptr : &sent.angular_velocities_radps[i]},
+        dt_s);
   }
   if (!derives || dt_s > 0) add_unnamed(ids, dt_s);
 }
@@ -267,14 +275,16 @@ void Session::add_motion(uint64_t id, const Instance* before, const Pose& now, c
     return add_motion({sent_mps, nothing}, sent_radps);
   }
   Track& track = new_tracks_.emplace_back(id, track_of(id, before, now.position_m)).second;
-  const MotionEstimate motion = sent.velocity_mps ? track.motion.observe_sent(dt_s, now.position_m, sent_mps, kTeleportSpeedMps)
-                                                  : track.motion.observe(dt_s, now.position_m, kTeleportSpeedMps);
+  const MotionEstimate motion = sent.velocity_mps
+                                    ? track.motion.observe_sent(dt_s, now.position_m, sent_mps, kTeleportSpeedMps)
+                                    : track.motion.observe(dt_s, now.position_m, kTeleportSpeedMps);
   if (sent.angular_velocity_radps) track.turn.observe_sent();
-  add_motion(motion, sent.angular_velocity_radps ? sent_radps : track.turn.observe(dt_s, before->pose.rotation, now.rotation));
+  add_motion(motion,
+             sent.angular_velocity_radps ? sent_radps : track.turn.observe(dt_s, before->pose.rotation, now.rotation));
 }
 
-// Adds the instances that moved by derived velocities, or were gone on from, and that the tick no longer names: they are where they were. A velocity that was
-// sent stays.
+// Adds the instances that moved by derived velocities, or were gone on from, and that the tick no longer names: they
+// are where they were. A velocity that was sent stays.
 void Session::add_unnamed(const IdsAfter& ids, double dt_s) {
   if (derived_moving_.empty() || update_.ids == former_ids_) return;
   std::vector<uint64_t> named = update_.ids;
@@ -285,7 +295,8 @@ void Session::add_unnamed(const IdsAfter& ids, double dt_s) {
     const auto track = tracks_.find(id);
     const bool known = track != tracks_.end();
     const bool keeps = known && track->second.motion.has_sent_velocity();
-    const glm::dvec3* kept_radps = known && track->second.turn.has_sent_rate() ? &instance->angular_velocity_radps : nullptr;
+    const glm::dvec3* kept_radps = known && track->second.turn.has_sent_rate() ? &instance->angular_velocity_radps
+                                                                               : nullptr;
     update_.ids.push_back(id);
     update_.poses.push_back(instance->pose);
     if (!keeps && dt_s > 0)
@@ -337,7 +348,8 @@ void Session::remember_motion(const TickInput& tick, double dt_s) {
   derived_moving_.clear();
   const glm::dvec3 none(0.0);
   for (size_t i = 0; i < update_.ids.size(); ++i)
-    if ((derives && (update_.velocities_mps[i] != none || update_.angular_velocities_radps[i] != none)) || update_.corrections_m[i] != none)
+    if ((derives && (update_.velocities_mps[i] != none || update_.angular_velocities_radps[i] != none)) ||
+        update_.corrections_m[i] != none)
       derived_moving_.push_back(update_.ids[i]);
   former_ids_ = update_.ids;
 }
@@ -364,8 +376,8 @@ TakeJob Session::begin_step(int quality_level) {
   quality_level_ = quality_level;
   if (quality_level_ > 0) degraded_ = degrade(options_.settings, quality_level_);
   const StepSettings& settings = quality_level_ > 0 ? degraded_ : options_.settings;
-  const StepInput input{mirror_,       options_.targets, options_.limits, settings,     options_.lens,
-                        options_.seed, steps_,           pending_dt_s_,   extent_views_, part_extent_views_, &options_.shot};
+  const StepInput input{mirror_, options_.targets, options_.limits, settings,           options_.lens, options_.seed,
+                        steps_,  pending_dt_s_,    extent_views_,   part_extent_views_, &options_.shot};
   const MapOrder order = stepper_.begin(input, clock_);
   take_start_ns_ = clock_();
   return {.sampler = sampler_.get(), .mirror = &mirror_, .requests = order.requests, .maps = order.maps, .taken = {}};

@@ -65,8 +65,8 @@ struct SessionOptions {
   AskedShot shot;  // number 0: the client sent none
   DiagnosticsWanted diagnostics;
   std::string label;
-  ExtentCache* extents =
-      nullptr;  // tables of the targets' shapes; must outlive the session. Null: only aim points are sampled
+  ExtentCache*
+      extents = nullptr;  // tables of the targets' shapes; must outlive the session. Null: only aim points are sampled
 };
 
 struct ObservedCamera {
@@ -92,8 +92,8 @@ struct TickInput {
   std::optional<StepSettings> settings;
   std::optional<CameraLimits> limits;
   std::optional<AskedShot> shot;  // replaces the former one as a whole; its number is set by the session
-  // By how much the client's world has moved (contract: Tick.world_shift). The origin of the session's convention moves along, so the session's own coordinates stay.
-  // All positions of the tick are in the session's coordinates.
+  // By how much the client's world has moved (contract: Tick.world_shift). The origin of the session's convention moves
+  // along, so the session's own coordinates stay. All positions of the tick are in the session's coordinates.
   glm::dvec3 world_shift_m{0.0};
   int64_t arrival_ns = 0;  // by the stage clock, for the queue time only; 0: not known
 };
@@ -105,8 +105,8 @@ struct SessionAnswer {
   StepResult step;
   Lens lens;  // as used, zoom included
   std::optional<uint64_t> relative_target_id;
-  // When relative_target_id is set: the camera in the frame of that target, and in a frame at the target's origin with the axes of the
-  // world.
+  // When relative_target_id is set: the camera in the frame of that target, and in a frame at the target's origin with
+  // the axes of the world.
   Pose target_from_camera, unrotated_from_camera;
   bool cut = false;
   uint32_t merged_ticks = 0;
@@ -120,9 +120,10 @@ struct SessionAnswer {
 
 // Single-threaded: one thread at a time, any thread.
 //
-// Velocities that the client does not send are derived from successive positions over the tick's dt (motion_track.h). They are 0 for
-// an instance that the tick adds or that was teleported (kTeleportSpeedMps). An instance that a tick no longer names is where it was, so it has
-// stopped, unless its positions are held for several ticks. Angular velocities are derived from rotations likewise (turn_track.h). When dt is 0, an instance whose position is unchanged keeps its
+// Velocities that the client does not send are derived from successive positions over the tick's dt (motion_track.h).
+// They are 0 for an instance that the tick adds or that was teleported (kTeleportSpeedMps). An instance that a tick no
+// longer names is where it was, so it has stopped, unless its positions are held for several ticks. Angular velocities
+// are derived from rotations likewise (turn_track.h). When dt is 0, an instance whose position is unchanged keeps its
 // velocity, and the velocity of any other becomes 0.
 class Session {
  public:
@@ -134,7 +135,8 @@ class Session {
 
   // Applies a tick completely, or returns an error (field "tick....") and leaves the session unchanged. Several ticks
   // may be applied before one step, which merges them. The dt of merged ticks adds up. An observed camera that
-  // starts the position again restarts the sum, because the position is known at that tick. The newest settings, limits and lens are used.
+  // starts the position again restarts the sum, because the position is known at that tick. The newest settings, limits
+  // and lens are used.
   //
   // If a tick lowers a limit below the camera's present value, the camera brakes as hard as the new acceleration
   // allows. The camera kept room only for its former acceleration and body. After a lower acceleration or a larger
@@ -142,9 +144,9 @@ class Session {
   Status apply(const TickInput& tick);
 
   // One step for the newest applied tick; without a new one, a paused step. Fails when the sampler does; the
-  // next step then covers the applied ticks. kInternal: a number of the step is not finite, which is a defect. Then the session must
-  // end, since its state may hold such numbers as well. `quality_level`, [0, kLowestQualityLevel], is an input like the ticks,
-  // so the same levels give the same answers.
+  // next step then covers the applied ticks. kInternal: a number of the step is not finite, which is a defect. Then the
+  // session must end, since its state may hold such numbers as well. `quality_level`, [0, kLowestQualityLevel], is an
+  // input like the ticks, so the same levels give the same answers.
   Result<SessionAnswer> step(int quality_level = 0);
 
   // The same in two halves, so that the maps of many sessions are taken together (SamplerDevice::take_all). The job
@@ -169,12 +171,13 @@ class Session {
   const CarriedState& carried() const { return stepper_.carried(); }
   const StepDump& dump() const { return stepper_.dump(); }
 
-  // Appends all that later replies depend on beyond what ticks say: the carried state, the exact transforms and the clock
-  // (server/session/session_memory.cpp). Call it after a step, before the next tick.
+  // Appends all that later replies depend on beyond what ticks say: the carried state, the exact transforms and the
+  // clock (server/session/session_memory.cpp). Call it after a step, before the next tick.
   void write_memory(std::string& out) const;
-  // Goes on from such bytes, in a session with the same scene, targets, settings and limits: every later reply has the same bits as that of
-  // the session that wrote them. The next tick must be the one that followed. kInvalidArgument (field "memory") when the bytes
-  // are damaged, of another scene or of another layout. The session is then as it was, except that instances may have moved.
+  // Goes on from such bytes, in a session with the same scene, targets, settings and limits: every later reply has the
+  // same bits as that of the session that wrote them. The next tick must be the one that followed. kInvalidArgument
+  // (field "memory") when the bytes are damaged, of another scene or of another layout. The session is then as it was,
+  // except that instances may have moved.
   Status resume(uint64_t layout, std::string_view memory);
   // Identifies the fields of the bytes. Programs with other fields have another number.
   static uint64_t memory_layout();
@@ -215,12 +218,12 @@ class Session {
   SessionOptions options_;  // with the newest targets, lens, settings and limits
   std::unique_ptr<Sampler> sampler_;
   StageClock clock_;
-  std::vector<std::shared_ptr<const ExtentTable>> extents_;        // of the shapes of targets and parts
+  std::vector<std::shared_ptr<const ExtentTable>> extents_;           // of the shapes of targets and parts
   std::vector<const ExtentTable*> extent_views_, part_extent_views_;  // the same, as a step takes them
   SceneMirror mirror_;
   Stepper stepper_;
-  StepSettings degraded_;       // settings of the present step, which refers to them
-  int quality_level_ = 0;         // of the present step; 0: options_.settings are used
+  StepSettings degraded_;  // settings of the present step, which refers to them
+  int quality_level_ = 0;  // of the present step; 0: options_.settings are used
   int64_t step_start_ns_ = 0, take_start_ns_ = 0;
 
   bool ticked_ = false;    // a tick was applied since the session opened
@@ -235,11 +238,13 @@ class Session {
   int64_t pending_scene_ns_ = 0;
   int64_t newest_arrival_ns_ = 0;
 
-  std::unordered_map<uint64_t, Track> tracks_;  // of instances that ticks have named
+  std::unordered_map<uint64_t, Track> tracks_;          // of instances that ticks have named
   std::vector<std::pair<uint64_t, Track>> new_tracks_;  // of the tick that is being applied
-  std::vector<uint64_t> derived_moving_;  // instances with a derived velocity, angular velocity or correction that is not 0
-  std::vector<uint64_t> former_ids_;      // named by the tick that derived them, or added to it because they still moved
-  TransformUpdate update_;                // scratch memory, reused
+  // instances with a derived velocity, angular velocity or correction that is not 0
+  std::vector<uint64_t> derived_moving_;
+  // named by the tick that derived them, or added to it because they still moved
+  std::vector<uint64_t> former_ids_;
+  TransformUpdate update_;  // scratch memory, reused
 };
 
 }  // namespace sightline

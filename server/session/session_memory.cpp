@@ -1,5 +1,6 @@
-// All that a session carries from step to step, as bytes: the one place that lists the fields. A class that gets another field does not
-// compile here until the field is in its list. Fields that have no meaning for the next step are named and left out.
+// All that a session carries from step to step, as bytes: the one place that lists the fields. A class that gets
+// another field does not compile here until the field is in its list. Fields that have no meaning for the next step are
+// named and left out.
 //
 // Ticks say the rest: a session that goes on from these bytes already has the same scene, settings, limits and lens.
 #include <algorithm>
@@ -43,10 +44,10 @@ struct StateFields {
   }
   template <typename A, SameAs<WantedShot> T>
   static void each(A& archive, T& shot) {
-    auto& [is_set, target_set, offset, asked_offset, asked, frame, subjects, weight, tolerance, place, up_yaw, cut_s, at_asked, asked_viewpoint, asked_seen_s, viewpoint, in_line, line_end,
-           line_closed_s, all_kept_s] = shot;
-    archive(is_set, target_set, offset, asked_offset, asked, frame, subjects, weight, tolerance, place, up_yaw, cut_s, at_asked, asked_viewpoint, asked_seen_s, viewpoint, in_line, line_end,
-            line_closed_s, all_kept_s);
+    auto& [is_set, target_set, offset, asked_offset, asked, frame, subjects, weight, tolerance, place, up_yaw, cut_s,
+           at_asked, asked_viewpoint, asked_seen_s, viewpoint, in_line, line_end, line_closed_s, all_kept_s] = shot;
+    archive(is_set, target_set, offset, asked_offset, asked, frame, subjects, weight, tolerance, place, up_yaw, cut_s,
+            at_asked, asked_viewpoint, asked_seen_s, viewpoint, in_line, line_end, line_closed_s, all_kept_s);
   }
   template <typename A, SameAs<ShotFrameState> T>
   static void each(A& archive, T& frame) {
@@ -89,7 +90,7 @@ struct StateFields {
     archive(entries);
   }
   template <typename A, typename T>
-    requires SameAs<T, RecentTrack<glm::dvec3>::Entry> || SameAs<T, RecentTrack<glm::dquat>::Entry>
+  requires SameAs<T, RecentTrack<glm::dvec3>::Entry> || SameAs<T, RecentTrack<glm::dquat>::Entry>
   static void each(A& archive, T& entry) {
     auto& [value, age] = entry;
     archive(value, age);
@@ -182,7 +183,8 @@ struct StateFields {
   template <typename A, SameAs<PairVolume> T>
   static void each(A& archive, T& volume) {
     auto& [a, world_from_volume, length, far, y_top, xa_min, xa_max, xb_min, xb_max, resolution] = volume;
-    archive(a, world_from_volume[0], world_from_volume[1], world_from_volume[2], length, far, y_top, xa_min, xa_max, xb_min, xb_max, resolution);
+    archive(a, world_from_volume[0], world_from_volume[1], world_from_volume[2], length, far, y_top, xa_min, xa_max,
+            xb_min, xb_max, resolution);
   }
   template <typename A, SameAs<ChainLink> T>
   static void each(A& archive, T& link) {
@@ -280,15 +282,17 @@ struct StateFields {
   }
   template <typename A, SameAs<DecisionInForce> T>
   static void each(A& archive, T& last) {
-    auto& [age_s, clock_s, made, is_due, tracking, status, reason, courses, facts, view_way, sees_none, nearest_view, counts, target_ids, seen] = last;
-    archive(age_s, clock_s, made, is_due, tracking, status, reason, courses, facts, view_way, sees_none, nearest_view, counts, target_ids, seen);
+    auto& [age_s, clock_s, made, is_due, tracking, status, reason, courses, facts, view_way, sees_none, nearest_view,
+           counts, target_ids, seen] = last;
+    archive(age_s, clock_s, made, is_due, tracking, status, reason, courses, facts, view_way, sees_none, nearest_view,
+            counts, target_ids, seen);
   }
   template <typename A, SameAs<CarriedState> T>
   static void each(A& archive, T& state) {
-    auto& [camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, change, blind, in_force, shares, given_up,
-           not_aimed_at, path, cut, pull] = state;
-    archive(camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, change, blind, in_force, shares, given_up,
-            not_aimed_at, path, cut, pull);
+    auto& [camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, change, blind,
+           in_force, shares, given_up, not_aimed_at, path, cut, pull] = state;
+    archive(camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, change, blind,
+            in_force, shares, given_up, not_aimed_at, path, cut, pull);
   }
   template <typename A, SameAs<Target> T>
   static void each(A& archive, T& target) {
@@ -335,10 +339,10 @@ struct StateFields {
   }
   template <typename A, SameAs<MotionTrack> T>
   static void each(A& archive, T& track) {
-    auto& [known, stands, held, filters, noisy, sent, last, since, ticks_since, intervals_s, intervals, held_share, mean_interval, interval_variance, last_mps, last_miss, misses,
-           miss_product, beliefs, believed] = track;
-    archive(known, stands, held, filters, noisy, sent, last, since, ticks_since, intervals_s, intervals, held_share, mean_interval, interval_variance, last_mps, last_miss, misses,
-            miss_product, beliefs, believed);
+    auto& [known, stands, held, filters, noisy, sent, last, since, ticks_since, intervals_s, intervals, held_share,
+           mean_interval, interval_variance, last_mps, last_miss, misses, miss_product, beliefs, believed] = track;
+    archive(known, stands, held, filters, noisy, sent, last, since, ticks_since, intervals_s, intervals, held_share,
+            mean_interval, interval_variance, last_mps, last_miss, misses, miss_product, beliefs, believed);
   }
   template <typename A, SameAs<TurnTrack> T>
   static void each(A& archive, T& track) {
@@ -372,18 +376,24 @@ struct StateFields {
   };
   template <typename A, SameAs<Memory> T>
   static void each(A& archive, T& memory) {
-    auto& [scene, targets, shot_number, ticked, sequence, steps, time, tracks, derived_moving, former_ids, carried] = memory;
+    auto& [scene, targets, shot_number, ticked, sequence, steps, time, tracks, derived_moving, former_ids,
+           carried] = memory;
     archive(scene, targets, shot_number, ticked, sequence, steps, time, tracks, derived_moving, former_ids, carried);
   }
 
   // --- the scene
 
   static Scene scene_of(const SceneMirror& mirror) {
-    Scene scene{.revision = mirror.revision_, .hash = mirror.hash_, .slot_count = mirror.slots_.size(), .moved = {}, .rearranged = {},
+    Scene scene{.revision = mirror.revision_,
+                .hash = mirror.hash_,
+                .slot_count = mirror.slots_.size(),
+                .moved = {},
+                .rearranged = {},
                 .free_slots = mirror.free_slots_};
     for (const uint32_t slot : mirror.moving_slots_) {
       const Instance& instance = mirror.slots_[slot];
-      scene.moved.push_back({instance.id, instance.pose, instance.velocity_mps, instance.angular_velocity_radps, instance.correction_m});
+      scene.moved.push_back(
+          {instance.id, instance.pose, instance.velocity_mps, instance.angular_velocity_radps, instance.correction_m});
     }
     for (const uint32_t slot : mirror.rearranged_slots_) scene.rearranged.push_back({slot, mirror.slots_[slot].id});
     return scene;
@@ -418,7 +428,9 @@ struct StateFields {
     const std::vector<uint64_t> ids = ids_by_slot(mirror, scene);
     if (ids.empty() && scene.slot_count > 0) return false;
     for (const Moved& moved : scene.moved)
-      if (!(glm::length(moved.correction_m) < kMostCorrectionM) || !mirror.find(moved.id) || !(std::abs(glm::length(moved.pose.rotation) - 1.0) < 1e-3)) return false;
+      if (!(glm::length(moved.correction_m) < kMostCorrectionM) || !mirror.find(moved.id) ||
+          !(std::abs(glm::length(moved.pose.rotation) - 1.0) < 1e-3))
+        return false;
     std::vector<Instance> slots(ids.size());
     for (size_t slot = 0; slot < ids.size(); ++slot)
       if (ids[slot] != 0) slots[slot] = std::move(mirror.slots_[mirror.slot_by_id_.at(ids[slot])]);
@@ -431,7 +443,8 @@ struct StateFields {
     for (const auto& place : scene.rearranged) mirror.rearranged_slots_.insert(place.slot);
     mirror.hash_ = 0;
     for (uint32_t slot = 0; slot < ids.size(); ++slot)
-      if (ids[slot] != 0) mirror.slot_by_id_.emplace(ids[slot], slot), mirror.slots_[slot].moving = false, mirror.place(slot);
+      if (ids[slot] != 0)
+        mirror.slot_by_id_.emplace(ids[slot], slot), mirror.slots_[slot].moving = false, mirror.place(slot);
     mirror.moving_slots_.clear();
     for (const Moved& moved : scene.moved) move(mirror, mirror.slot_by_id_.at(moved.id), moved);
     mirror.tidy_moving_slots();
@@ -444,7 +457,8 @@ struct StateFields {
   static void move(SceneMirror& mirror, uint32_t slot, const Moved& moved) {
     Instance& instance = mirror.slots_[slot];
     instance.pose = moved.pose;
-    instance.velocity_mps = moved.velocity_mps, instance.angular_velocity_radps = moved.angular_velocity_radps, instance.correction_m = moved.correction_m;
+    instance.velocity_mps = moved.velocity_mps, instance.angular_velocity_radps = moved.angular_velocity_radps,
+    instance.correction_m = moved.correction_m;
     instance.moving = true;
     mirror.moving_slots_.push_back(slot);
     mirror.place(slot);
@@ -461,31 +475,36 @@ struct StateFields {
     const auto small = [&](const glm::dvec3& v) { return glm::length(v) < kMost; };
     const auto share_of = [](double value) { return value >= 0 && value <= 1; };
     const auto belief = [&](const MotionTrack::Belief& of) {
-      return small(of.at_m) && small(of.velocity_mps) && of.position >= 0 && of.position < kMost && of.velocity >= 0 && of.velocity < kMost &&
-             of.both * of.both <= 1.01 * of.position * of.velocity + 1e-12 && share_of(of.share);
+      return small(of.at_m) && small(of.velocity_mps) && of.position >= 0 && of.position < kMost && of.velocity >= 0 &&
+             of.velocity < kMost && of.both * of.both <= 1.01 * of.position * of.velocity + 1e-12 && share_of(of.share);
     };
     double shares = 0;
     for (const MotionTrack::Belief& of : track.beliefs_) shares += of.share;
     if (track.filters_ && !(std::abs(shares - 1) < 1e-6)) return false;
     const auto time = [](double value_s) { return value_s >= 0 && value_s < kMost; };
-    return small(track.last_m_) && small(track.last_mps_) && small(track.last_miss_m_) && time(track.since_s_) && time(track.believed_s_) &&
-           time(track.mean_interval_s_) && time(track.interval_variance_s2_) && std::abs(track.miss_product_m2_) < kMost && share_of(track.held_share_) &&
-           std::all_of(track.intervals_s_.begin(), track.intervals_s_.end(), time) && std::all_of(track.beliefs_.begin(), track.beliefs_.end(), belief);
+    return small(track.last_m_) && small(track.last_mps_) && small(track.last_miss_m_) && time(track.since_s_) &&
+           time(track.believed_s_) && time(track.mean_interval_s_) && time(track.interval_variance_s2_) &&
+           std::abs(track.miss_product_m2_) < kMost && share_of(track.held_share_) &&
+           std::all_of(track.intervals_s_.begin(), track.intervals_s_.end(), time) &&
+           std::all_of(track.beliefs_.begin(), track.beliefs_.end(), belief);
   }
   static bool possible(const Session::Track& track) {
     const TurnTrack& turn = track.turn;
     const auto rate = [](const glm::dvec3& radps) { return glm::length(radps) <= kMostTurnRadps; };
-    return possible(track.motion) && rate(turn.turning_radps_) && rate(turn.rate_radps_) && turn.since_s_ >= 0 && turn.interval_s_ >= 0;
+    return possible(track.motion) && rate(turn.turning_radps_) && rate(turn.rate_radps_) && turn.since_s_ >= 0 &&
+           turn.interval_s_ >= 0;
   }
   static bool possible(const PairHistory::Frame& frame) {
     const size_t targets = frame.target_ids.size();
     const int side = frame.links.empty() ? 0 : frame.links.front().volume.resolution;
     const auto joins = [&](const ChainLink& link) {
-      return link.from < targets && link.to < targets && link.volume.resolution == side && link.volume.length_m > 0 && link.volume.far_m > 0 &&
-             link.volume.xa_min < link.volume.xa_max && link.volume.xb_min < link.volume.xb_max && link.volume.y_top > 0;
+      return link.from < targets && link.to < targets && link.volume.resolution == side && link.volume.length_m > 0 &&
+             link.volume.far_m > 0 && link.volume.xa_min < link.volume.xa_max &&
+             link.volume.xb_min < link.volume.xb_max && link.volume.y_top > 0;
     };
     const bool chained = frame.links.empty() || frame.links.size() == targets - 1;
-    return targets <= kMaxTargets && chained && side >= 0 && side <= kMaxMapSize && std::all_of(frame.links.begin(), frame.links.end(), joins) &&
+    return targets <= kMaxTargets && chained && side >= 0 && side <= kMaxMapSize &&
+           std::all_of(frame.links.begin(), frame.links.end(), joins) &&
            (frame.links.empty() || (side > 0 && frame.depth_m.size() == targets * static_cast<size_t>(side * side)));
   }
   static bool possible(const PairHistory& history) {
@@ -499,9 +518,9 @@ struct StateFields {
     const uint64_t side = static_cast<uint64_t>(std::max(lattice.side_, 0));
     const bool cells = lattice.cells_.empty() || (side < 4096 && lattice.cells_.size() == side * side * side);
     const size_t rows = history.slots_.size() * history.targets_;
-    return lattice.side_ >= 0 && lattice.spacing_m_ >= 0 && cells && possible(memory.pairs) && history.targets_ <= kMaxTargets &&
-           memory.volume.target_ids_.size() == history.targets_ && history.records_.size() == rows &&
-           memory.volume.switches_.size() == rows;
+    return lattice.side_ >= 0 && lattice.spacing_m_ >= 0 && cells && possible(memory.pairs) &&
+           history.targets_ <= kMaxTargets && memory.volume.target_ids_.size() == history.targets_ &&
+           history.records_.size() == rows && memory.volume.switches_.size() == rows;
   }
   static bool possible(const ViewpointMap& map) {
     return map.ids_.size() <= kMaxTargets && map.shares_.size() == map.ids_.size() * ViewpointMap::kViewpoints &&
@@ -512,16 +531,21 @@ struct StateFields {
     return static_cast<int>(value) >= 0 && value <= last;
   }
   static bool possible(const ComparedCourses& courses) {
-    const auto loss = [](const std::optional<double>& of) { return of.value_or(0.0) >= 0 && of.value_or(0.0) <= kMostLoss; };
-    return up_to(courses.taken.value_or(FlightCourse::kFollow), FlightCourse::kToShot) && loss(courses.follow_loss) && loss(courses.stay_loss) && loss(courses.plan_loss);
+    const auto loss = [](const std::optional<double>& of) {
+      return of.value_or(0.0) >= 0 && of.value_or(0.0) <= kMostLoss;
+    };
+    return up_to(courses.taken.value_or(FlightCourse::kFollow), FlightCourse::kToShot) && loss(courses.follow_loss) &&
+           loss(courses.stay_loss) && loss(courses.plan_loss);
   }
   static bool possible(const HeldFacts& facts) {
     const auto held = [](double time_s) { return time_s >= 0 && time_s <= kFactHoldsS; };
     return held(facts.goal_sees_all_s) && held(facts.goal_keeps_shot_s) && held(facts.none_sees_all_s);
   }
   static bool possible(const DecisionInForce& last) {
-    return last.age_s >= 0 && last.clock_s >= 0 && last.clock_s < 1e15 && up_to(last.tracking.by, TrackBy::kAcceleration) && up_to(last.status, MoveStatus::kHolding) &&
-           up_to(last.reason, MoveReason::kCut) && possible(last.courses) && possible(last.facts) && last.counts.visible_by_target.size() <= kMaxTargets;
+    return last.age_s >= 0 && last.clock_s >= 0 && last.clock_s < 1e15 &&
+           up_to(last.tracking.by, TrackBy::kAcceleration) && up_to(last.status, MoveStatus::kHolding) &&
+           up_to(last.reason, MoveReason::kCut) && possible(last.courses) && possible(last.facts) &&
+           last.counts.visible_by_target.size() <= kMaxTargets;
   }
   static bool possible(const AskedSight& sight) {
     const auto in_time = [](const Foreseen& of) { return of.in_s >= 0 && of.in_s <= kSlices * kSliceS; };
@@ -529,14 +553,17 @@ struct StateFields {
   }
   static constexpr double kFarthestViewM = 1e4;  // farther than any bound reaches
   static bool possible(const CarriedState& state) {
-    const auto past = [](const TargetPast& of) { return possible(of.predictor.travel_) && possible(of.predictor.turn_); };
+    const auto past = [](const TargetPast& of) {
+      return possible(of.predictor.travel_) && possible(of.predictor.turn_);
+    };
     const auto track = [](const ShareWindow::Track& of) { return of.kept <= kShareSteps; };
     const auto& shares = state.shares.tracks_;
     const auto known = [](size_t viewpoint) { return viewpoint < ViewpointMap::kViewpoints; };
     const glm::dvec3& eye_m = state.camera.pose.position_m;
     const bool near_view = glm::distance(state.blind.view_m.value_or(eye_m), eye_m) < kFarthestViewM;
     const auto asked = [](const AskedSight& of) { return possible(of); };
-    return std::all_of(state.shot.at_asked.begin(), state.shot.at_asked.end(), asked) && possible(state.candidates) && possible(state.viewpoints) && possible(state.in_force) && state.pasts.size() <= kMaxTargets &&
+    return std::all_of(state.shot.at_asked.begin(), state.shot.at_asked.end(), asked) && possible(state.candidates) &&
+           possible(state.viewpoints) && possible(state.in_force) && state.pasts.size() <= kMaxTargets &&
            std::all_of(state.pasts.begin(), state.pasts.end(), past) && shares.size() <= kMaxTargets &&
            std::all_of(shares.begin(), shares.end(), track) && state.trail.places_m().size() <= Trail::kPlaces &&
            state.path.position_m.count() > 0 && state.path.rotation.count() > 0 && known(state.shot.asked_viewpoint) &&
@@ -567,8 +594,8 @@ void Session::write_memory(std::string& out) const {
   for (const auto& [id, track] : tracks_) tracks.push_back({id, track});
   std::ranges::sort(tracks, {}, &StateFields::TrackOf::id);
   FieldWriter<StateFields> write(out);
-  write(StateFields::scene_of(mirror_), options_.targets, options_.shot.number, ticked_, sequence_, steps_, time_s_, tracks, derived_moving_, former_ids_,
-        stepper_.carried());
+  write(StateFields::scene_of(mirror_), options_.targets, options_.shot.number, ticked_, sequence_, steps_, time_s_,
+        tracks, derived_moving_, former_ids_, stepper_.carried());
 }
 
 Status Session::resume(uint64_t layout, std::string_view memory) {

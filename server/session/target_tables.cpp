@@ -46,7 +46,8 @@ Status build_target_tables(const Session& session, const TickInput& tick, Extent
   Geometries geometries;
   add_shapes(tick.delta.add, ids, geometries);
   for (const uint64_t id : ids)
-    if (const Instance* instance = session.mirror().find(id); instance && instance->geometry) geometries.insert(instance->geometry);
+    if (const Instance* instance = session.mirror().find(id); instance && instance->geometry)
+      geometries.insert(instance->geometry);
   return build(geometries, tables, work, "tick.targets");
 }
 

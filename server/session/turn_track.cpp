@@ -36,7 +36,9 @@ glm::dvec3 TurnTrack::observe(double dt_s, const glm::dquat& before, const glm::
   const glm::dvec3 rate_radps = turn_rad / interval_s_;
   if (!(glm::length(rate_radps) <= kMostTurnRadps)) return *this = TurnTrack(), glm::dvec3(0.0);
   const bool agree = turned_ && glm::dot(rate_radps, rate_radps_) > 0;
-  turning_radps_ = !agree ? glm::dvec3(0.0) : glm::length(rate_radps) < glm::length(rate_radps_) ? rate_radps : rate_radps_;
+  turning_radps_ = !agree                                               ? glm::dvec3(0.0)
+                   : glm::length(rate_radps) < glm::length(rate_radps_) ? rate_radps
+                                                                        : rate_radps_;
   rate_radps_ = rate_radps;
   since_s_ = 0.0, turned_ = true;
   return turning_radps_;

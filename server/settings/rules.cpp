@@ -5,8 +5,7 @@
 namespace sightline {
 
 Status check_rules(const CostWeights& w) {
-  return check_some_weight("tuning.move.cost", "occlusion, distance and route",
-                           {w.occlusion, w.distance, w.route});
+  return check_some_weight("tuning.move.cost", "occlusion, distance and route", {w.occlusion, w.distance, w.route});
 }
 
 Status check_rules(const MoveSettings& s) {

@@ -35,9 +35,7 @@ class Aggregation {
  private:
   void take_from_moved_cells(auto& by_candidate) const;
   void mark_what_passes();
-  HiddenWeights hidden_weights(double weight) const {
-    return {scratch_.passes, step_.targets.sight_weights, weight};
-  }
+  HiddenWeights hidden_weights(double weight) const { return {scratch_.passes, step_.targets.sight_weights, weight}; }
   void smooth_what_passes();
   void find_outside(std::span<const glm::dvec3> aim_m);
 
@@ -61,8 +59,8 @@ void Aggregation::list_candidates() {
 // Moves cells to where the body fits. Their places follow the candidates for the look-ups.
 void Aggregation::fit_cells() {
   list_places(candidates_.position_m, sights_.position_m);
-  const std::span<const float> clearance_m =
-      scratch_.clearance_cache.measure(step_.input.scene, memory_.lattice, bound_, sights_.position_m, route_radius_m(step_));
+  const std::span<const float> clearance_m = scratch_.clearance_cache.measure(
+      step_.input.scene, memory_.lattice, bound_, sights_.position_m, route_radius_m(step_));
   sights_.clearance_m.assign(clearance_m.begin(), clearance_m.end());
   scratch_.places = candidates_.position_m;
   for (const uint32_t cell : scratch_.clearance_cache.moved()) scratch_.places.push_back(sights_.position_m[cell]);
@@ -92,8 +90,8 @@ void Aggregation::look_now() {
   composer.set_positions(scratch_.places);
   scratch_.hidden_by.reset(scratch_.places.size());
   mark_what_passes();
-  composer.visibility_and_hidden(taken_.of(plan_.now), settings_.relative_bias, hidden_weights(1.0), candidates_.visible_targets,
-                                 scratch_.hidden_by);
+  composer.visibility_and_hidden(taken_.of(plan_.now), settings_.relative_bias, hidden_weights(1.0),
+                                 candidates_.visible_targets, scratch_.hidden_by);
   take_from_moved_cells(candidates_.visible_targets);
   take_from_moved_cells(scratch_.hidden_by.by_staying);
   take_from_moved_cells(scratch_.hidden_by.by_passing);
@@ -114,10 +112,12 @@ void Aggregation::find_outside(std::span<const glm::dvec3> aim_m) {
   InlineVector<Body, kMaxTargets> bodies;
   for (size_t i = 0; i < step_.target_count(); ++i) {
     const TrackedTarget& target = step_.targets.tracked_targets[i];
-    bodies.push_back({aim_m[i] - glm::dvec3(0, target.low_m, 0), aim_m[i] + glm::dvec3(0, target.high_m, 0), target.aside_m, step_.targets.sight_weights[i]});
+    bodies.push_back({aim_m[i] - glm::dvec3(0, target.low_m, 0), aim_m[i] + glm::dvec3(0, target.high_m, 0),
+                      target.aside_m, step_.targets.sight_weights[i]});
   }
   const FramingSettings framing = framing_of(step_.input);
-  scratch_.picture_fit.outside_share(bodies, widest(step_.lens, framing), framing.framing_margin, step_.roll_rad(), scratch_.outside);
+  scratch_.picture_fit.outside_share(bodies, widest(step_.lens, framing), framing.framing_margin, step_.roll_rad(),
+                                     scratch_.outside);
 }
 
 // What a picture from each cell is expected to lack at the slices that are due.
@@ -185,8 +185,8 @@ void add_own_and_desired_position(const AggregateInput& in, CandidateSights& sig
   if (in.step.targets.steered != 0) sights.candidates.position_m.push_back(nearest_in_bound_m(in.bound, in.desired_m));
 }
 
-void filter_cells(const StepContext& step, const FilterSettings& filter, CandidateMemory& memory, std::vector<uint32_t>& slots,
-                  CandidateSet& candidates) {
+void filter_cells(const StepContext& step, const FilterSettings& filter, CandidateMemory& memory,
+                  std::vector<uint32_t>& slots, CandidateSet& candidates) {
   // The history counts steps only while a filter is on, so old entries must not pass for recent ones when it is
   // switched on again.
   if (filter.mode == FilterMode::kNone) memory.volume = {};
@@ -205,7 +205,8 @@ void filter_cells(const StepContext& step, const FilterSettings& filter, Candida
 
 namespace {
 
-void aggregate_flight(const AggregateInput& in, CandidateMemory& memory, AggregateScratch& scratch, CandidateSights& sights) {
+void aggregate_flight(const AggregateInput& in, CandidateMemory& memory, AggregateScratch& scratch,
+                      CandidateSights& sights) {
   memory.pairs.clear();
   Aggregation aggregation(in, memory, scratch, sights);
   aggregation.list_candidates();

@@ -6,9 +6,9 @@ namespace {
 // Nearer to the path than this, the viewer's camera is on it: a client that follows late lies between poses that were
 // returned.
 constexpr double kOnPathM = 0.002;
-// The viewer's camera follows if it is nearer to the path than this, plus kLateShare of the path's length. A client that
-// smooths with a time constant of 0.2 s leaves a path that turns at 10 m/s^2 by 0.2 m. It leaves a direction that turns at
-// 12 rad/s^2 by 0.24 rad. The share lets a client be 0.2 s later than the path is long.
+// The viewer's camera follows if it is nearer to the path than this, plus kLateShare of the path's length. A client
+// that smooths with a time constant of 0.2 s leaves a path that turns at 10 m/s^2 by 0.2 m. It leaves a direction that
+// turns at 12 rad/s^2 by 0.24 rad. The share lets a client be 0.2 s later than the path is long.
 constexpr double kNearM = 1.0, kNearRad = 0.35, kLateShare = 0.4;
 // The pull towards the viewer's camera, as a share of its distance from the path per second.
 constexpr double kPullPerS = 1.0;

@@ -1,7 +1,7 @@
-// Cuts. They become due when no required target has been seen for a set time and no short way leads to a view of one. Every
-// step then examines some places round the targets, best first. The camera takes the first place that sees all required
-// targets. If there is none, it takes the place that sees most of them. Sight lines are exact, because each examined place
-// has maps of its own in this very step.
+// Cuts. They become due when no required target has been seen for a set time and no short way leads to a view of one.
+// Every step then examines some places round the targets, best first. The camera takes the first place that sees all
+// required targets. If there is none, it takes the place that sees most of them. Sight lines are exact, because each
+// examined place has maps of its own in this very step.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -34,7 +34,8 @@ uint32_t required_mask(const StepContext& step) {
 
 bool is_due(const StepContext& step, const CutState& state, bool target_jumped, bool is_asked) {
   const double after_s = step.input.settings.move.cut_after_s;
-  if (is_asked) return step.move_s > 0 && step.targets.steered != 0 && step.input.settings.move.follow == Follow::kOffset;
+  if (is_asked)
+    return step.move_s > 0 && step.targets.steered != 0 && step.input.settings.move.follow == Follow::kOffset;
   return after_s > 0 && step.move_s > 0 && required_mask(step) != 0 && state.since_s >= kLeastBetweenS &&
          (target_jumped || state.unseen_s >= after_s);
 }
@@ -51,7 +52,8 @@ double share_seen(const StepContext& step, const ViewpointMap& viewpoints, size_
 double apart(const glm::dvec3& a_m, const glm::dvec3& b_m) {
   const double length_a = glm::length(a_m), length_b = glm::length(b_m);
   if (length_a < 1e-6 || length_b < 1e-6) return 0.0;
-  return std::acos(std::clamp(glm::dot(a_m, b_m) / (length_a * length_b), -1.0, 1.0)) + std::abs(std::log(length_a / length_b));
+  return std::acos(std::clamp(glm::dot(a_m, b_m) / (length_a * length_b), -1.0, 1.0)) +
+         std::abs(std::log(length_a / length_b));
 }
 
 // The wanted shot first, then the viewpoints: best seen lately, and nearest to the wanted shot.
@@ -65,9 +67,8 @@ void rank_places(const SampleInput& in, const ViewpointMap& viewpoints, CutScrat
     scratch.ranked.push_back({(knows ? share_seen(in.step, viewpoints, place) : 1.0) -
                                   kApartWeight * apart(scratch.pattern.offset_m(place), wanted_m),
                               place});
-  std::sort(scratch.ranked.begin(), scratch.ranked.end(), [](const auto& a, const auto& b) {
-    return a.score != b.score ? a.score > b.score : a.place < b.place;
-  });
+  std::sort(scratch.ranked.begin(), scratch.ranked.end(),
+            [](const auto& a, const auto& b) { return a.score != b.score ? a.score > b.score : a.place < b.place; });
 }
 
 glm::dvec3 offset_of(const SampleInput& in, const CutScratch& scratch, size_t place) {
@@ -99,10 +100,12 @@ void pick_sights(const SampleInput& in, TargetPicker& picker, CutPlace& place) {
   place.sights_of_target.clear();
   for (size_t i = 0; i < in.step.target_count(); ++i) {
     const auto first = static_cast<uint32_t>(place.sights_m.size());
-    const TargetView view{.viewer_m = place.position_m, .round = input.tick, .count = static_cast<size_t>(input.settings.sample.points)};
+    const TargetView view{
+        .viewer_m = place.position_m, .round = input.tick, .count = static_cast<size_t>(input.settings.sample.points)};
     if (samples_surface(in.step, i)) {
       for (const TargetPoint& p : picker.pick(input.scene, in.step.targets.pieces[i], view))
-        place.sights_m.push_back(transform_point(input.scene.instances()[p.slot].world_from_instance, glm::dvec3(p.at_m)));
+        place.sights_m.push_back(
+            transform_point(input.scene.instances()[p.slot].world_from_instance, glm::dvec3(p.at_m)));
     } else {
       place.sights_m.push_back(in.step.targets.tracked_targets[i].aim_m);
     }
@@ -159,7 +162,8 @@ double way_m(const MoveInput& in, const Decision& decision, const MoveScratch& s
   return scratch.way_m;
 }
 
-// Called when all places were examined. The next round takes the place that sees most. The round after it begins afresh.
+// Called when all places were examined. The next round takes the place that sees most. The round after it begins
+// afresh.
 void begin_next_round(CutState& state) {
   state.takes_partial = !state.takes_partial && state.most_seen > 0;
   if (!state.takes_partial) state.most_seen = 0;
@@ -182,8 +186,8 @@ glm::dvec3 first_velocity_mps(const MoveInput& in, const Pose& pose, ClearanceFi
 
 }  // namespace
 
-void plan_cut(const SampleInput& in, const CarriedState& carried, bool target_jumped, TargetPicker& picker, CutScratch& scratch,
-              SamplePlan& plan) {
+void plan_cut(const SampleInput& in, const CarriedState& carried, bool target_jumped, TargetPicker& picker,
+              CutScratch& scratch, SamplePlan& plan) {
   CutPlan& cut = plan.cut;
   cut.places.clear();
   cut.due = is_due(in.step, carried.cut, target_jumped, in.shot.cut_s > 0);
@@ -257,7 +261,8 @@ bool jump_waits(const MoveInput& in, bool target_jumped) {
   return target_jumped && settings.cut_after_s > 0 && is_far && !(in.plan.cut.due && in.plan.cut.examined_all);
 }
 
-void note_sights(const StepContext& step, const StepResult& result, bool target_jumped, bool is_asked, CutState& state) {
+void note_sights(const StepContext& step, const StepResult& result, bool target_jumped, bool is_asked,
+                 CutState& state) {
   bool seen = required_mask(step) == 0;
   for (size_t i = 0; i < step.target_count(); ++i)
     seen |= is_required(step, i) && result.targets[i].visible_share > 0 && result.targets[i].in_picture;
@@ -267,8 +272,7 @@ void note_sights(const StepContext& step, const StepResult& result, bool target_
   // Places are examined on from where the last step ended, while a cut is asked for.
   if (seen && !is_asked) state.next_rank = 0, state.most_seen = 0.0, state.takes_partial = false;
   // A target that jumped out of sight is lost at once.
-  if (!seen && target_jumped)
-    state.unseen_s = std::max(state.unseen_s, step.input.settings.move.cut_after_s);
+  if (!seen && target_jumped) state.unseen_s = std::max(state.unseen_s, step.input.settings.move.cut_after_s);
 }
 
 }  // namespace sightline

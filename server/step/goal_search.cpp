@@ -1,6 +1,7 @@
-// The goal of strategy kMinCost. A flight plan (move/flight_plan.h) says where the camera should be at each time of the coming
-// second, so that the targets are seen then. Two simpler ways are compared with it: to follow the desired position, and to stay. A plan does
-// not lead through a time of little sight to a better one later. So a camera that does not see all its targets, or expects to lose one, takes a far way.
+// The goal of strategy kMinCost. A flight plan (move/flight_plan.h) says where the camera should be at each time of the
+// coming second, so that the targets are seen then. Two simpler ways are compared with it: to follow the desired
+// position, and to stay. A plan does not lead through a time of little sight to a better one later. So a camera that
+// does not see all its targets, or expects to lose one, takes a far way.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -16,10 +17,12 @@
 namespace sightline {
 namespace {
 
-// A leg of a plan is flown at the mean speed of a camera that speeds up over this way, or over four cells if these are longer.
+// A leg of a plan is flown at the mean speed of a camera that speeds up over this way, or over four cells if these are
+// longer.
 constexpr double kWayM = 4.0;
-// The cost of a place outside the limits of distance and elevation, metres. The limits go along with targets that move this far within a plan:
-// a camera behind a car flies where the car is now, which is too near to it. Those of targets on foot stay where they are.
+// The cost of a place outside the limits of distance and elevation, metres. The limits go along with targets that move
+// this far within a plan: a camera behind a car flies where the car is now, which is too near to it. Those of targets
+// on foot stay where they are.
 constexpr float kOutsideLimits = 100.0f;
 constexpr double kLimitsMoveM = 4.0;
 // How much the last slice of a plan counts for the time after it, in plans.
@@ -36,27 +39,29 @@ constexpr double kBeyondM = 2.0;
 constexpr double kStraightOn = 0.9;
 // From this many times the length of such a plan on, the desired position is far away.
 constexpr double kFarBehind = 3.0;
-// What the greatest acceleration costs at this move_response_s, in units of the cost of a plan. It grows with the square of that time.
+// What the greatest acceleration costs at this move_response_s, in units of the cost of a plan. It grows with the
+// square of that time.
 constexpr double kEffortM = 0.17, kEffortResponseS = 0.2;
-// A camera that follows with its targets in sight does not hurry to its place. The velocity of the targets is added to its own, so it does
-// not fall behind.
+// A camera that follows with its targets in sight does not hurry to its place. The velocity of the targets is added to
+// its own, so it does not fall behind.
 constexpr Pace kUnhurried{.response = 1.5, .closing = 2.5, .braking = 0.25};
 constexpr Pace kHurried{};
 
-// A camera that has seen no target for so long takes a way through the level (move/far_way.h), and searches it again after this time, since
-// targets move. It does so sooner if it hardly moves.
+// A camera that has seen no target for so long takes a way through the level (move/far_way.h), and searches it again
+// after this time, since targets move. It does so sooner if it hardly moves.
 constexpr double kBlindS = 2.0, kSearchAgainS = 1.0, kStuckS = 1.0, kStuckMps = 0.2;
-// A camera without a view goes to the nearest place that has one. Maps that differ by a few texels show different places, so when it has been
-// without a view for a while, it keeps to one place for a moment.
+// A camera without a view goes to the nearest place that has one. Maps that differ by a few texels show different
+// places, so when it has been without a view for a while, it keeps to one place for a moment.
 constexpr double kViewHoldsS = 0.1, kViewHoldsAfterS = 0.5;
-// The viewpoint search may know that this share more of the targets is seen at the wanted shot than from the camera. Or it knows that a picture
-// from there lacks less, by this much in picture_loss, than is expected at the end of the best plan. When it has known that for so long, the
-// camera takes a far way to the shot. On its way, half as much is enough to go on, and it goes on for a while without any gain. The way ends this near to
-// the shot.
+// The viewpoint search may know that this share more of the targets is seen at the wanted shot than from the camera. Or
+// it knows that a picture from there lacks less, by this much in picture_loss, than is expected at the end of the best
+// plan. When it has known that for so long, the camera takes a far way to the shot. On its way, half as much is enough
+// to go on, and it goes on for a while without any gain. The way ends this near to the shot.
 constexpr double kShotGainsS = 0.5, kShotGain = 0.3, kShotGainAhead = 0.4, kShotGoesOnS = 0.3, kShotNearM = 1.0;
 // Time without a gain counts so many times as much as time with one.
 constexpr double kNoGain = 2.0;
-// Nothing is known at first, and all viewpoints are assumed to be good. That is forgotten after so many time constants of the search's memory.
+// Nothing is known at first, and all viewpoints are assumed to be good. That is forgotten after so many time constants
+// of the search's memory.
 constexpr double kSurelyKnown = 3.0;
 // On a far way the camera brakes for each corner as if it were to stop so far behind it.
 constexpr double kTurnM = 0.4;
@@ -80,18 +85,28 @@ void give_way(const MoveInput& in, double body_radius_m, std::vector<float>& cle
 class PlanPricer {
  public:
   PlanPricer(const MoveInput& in, FlightPlanner& planner, std::vector<float>& outside)
-      : in_(in), planner_(planner), outside_(outside), weights_(in.step.input.settings.move.cost), ahead_(in.carried.candidates.ahead),
-        lattice_(in.carried.candidates.lattice), group_mps_(group_velocity_mps(in.step)),
+      : in_(in),
+        planner_(planner),
+        outside_(outside),
+        weights_(in.step.input.settings.move.cost),
+        ahead_(in.carried.candidates.ahead),
+        lattice_(in.carried.candidates.lattice),
+        group_mps_(group_velocity_mps(in.step)),
         count_(effective_count(in.step.targets.sight_weights)) {
-    // The distance from the desired position counts less, by the square of the factor. Few places show many targets. A camera that is drawn away
-    // from them again and again does not show them, and is not calm.
+    // The distance from the desired position counts less, by the square of the factor. Few places show many targets. A
+    // camera that is drawn away from them again and again does not show them, and is not calm.
     const double factor = several_factor(count_);
-    occlusion_ = weights_.occlusion * factor, tolerance_ = weights_.tolerance / factor, distance_ = weights_.distance / (factor * factor);
+    occlusion_ = weights_.occlusion * factor, tolerance_ = weights_.tolerance / factor,
+    distance_ = weights_.distance / (factor * factor);
     const MoveSettings& settings = in.step.input.settings.move;
     shot_ = weights_.occlusion * settings.keep_shot * in.carried.shot.weight;
-    const glm::dvec3 asked_m = framed_offset_m(in.step, in.carried.shot.in_line_m.value_or(in.carried.shot.asked_offset_m)) - in.carried.shot.subjects_m;
+    const glm::dvec3 asked_m = framed_offset_m(in.step,
+                                               in.carried.shot.in_line_m.value_or(in.carried.shot.asked_offset_m)) -
+                               in.carried.shot.subjects_m;
     if (settings.follow == Follow::kOffset && shot_ > 0 && glm::length(asked_m) > kHereM) asked_m_ = asked_m;
-    if (targets_stand(in.step)) tolerance_ = std::max(tolerance_, picture_loss(good_enough_share(settings.viewpoint_search.keep_shot_below, count_), count_));
+    if (targets_stand(in.step))
+      tolerance_ = std::max(tolerance_,
+                            picture_loss(good_enough_share(settings.viewpoint_search.keep_shot_below, count_), count_));
   }
 
   void price() {
@@ -110,17 +125,23 @@ class PlanPricer {
       planner_.blur(slice, weights_.surroundings);
       planner_.add_distances(slice, in_.desired_m + group_mps_ * ahead_.ahead_s(slice), distance_, outside_);
       if (!asked_m_) continue;
-      const glm::dvec3 center_m = in_.step.center_m() + in_.carried.shot.subjects_m + group_mps_ * ahead_.ahead_s(slice);
-      planner_.add_shot_losses(slice, center_m, *asked_m_, in_.step.input.settings.move.shot, shot_, in_.carried.shot.tolerance);
+      const glm::dvec3 center_m = in_.step.center_m() + in_.carried.shot.subjects_m +
+                                  group_mps_ * ahead_.ahead_s(slice);
+      planner_.add_shot_losses(slice, center_m, *asked_m_, in_.step.input.settings.move.shot, shot_,
+                               in_.carried.shot.tolerance);
     }
   }
   // The cost of a course on which no target is seen; 0 where sight does not count.
   double blind_cost() const { return occlusion_ * (1 + kAfterwards); }
-  // True if a picture that is taken from a place after a time departs from the client's shot by no more than the free bands, as in ShotReport.
+  // True if a picture that is taken from a place after a time departs from the client's shot by no more than the free
+  // bands, as in ShotReport.
   bool is_in_free_bands(const glm::dvec3& place_m, double ahead_s) const {
     const WantedShot& shot = in_.carried.shot;
-    const glm::dvec3 asked_m = shot.asked_offset_m - shot.subjects_m, now_m = place_m - (in_.step.center_m() + shot.subjects_m + group_mps_ * ahead_s);
-    if (in_.step.input.settings.move.follow != Follow::kOffset || glm::length(asked_m) < kHereM || glm::length(now_m) < kHereM) return false;
+    const glm::dvec3 asked_m = shot.asked_offset_m - shot.subjects_m,
+                     now_m = place_m - (in_.step.center_m() + shot.subjects_m + group_mps_ * ahead_s);
+    if (in_.step.input.settings.move.follow != Follow::kOffset || glm::length(asked_m) < kHereM ||
+        glm::length(now_m) < kHereM)
+      return false;
     const double fov_rad = in_.step.lens.vertical_fov_rad;
     return within_free_bands(deviation_between(shot_from(asked_m, fov_rad), shot_from(now_m, fov_rad), shot.tolerance));
   }
@@ -137,9 +158,10 @@ class PlanPricer {
       costs[planner_.cell_of(i)] = occlusion * std::max(0.0f, share - tolerance);
     }
   }
-  // Of a cell that is new to the lattice, some slices are not known yet. The share that is hidden there now says little of later times. If that alone
-  // counted, the camera would chase the edge of the bound while all other places are about to lose their sight. Behind a fast target it does count
-  // alone, because all places at the front of the bound are new there, and the camera will be beyond them.
+  // Of a cell that is new to the lattice, some slices are not known yet. The share that is hidden there now says little
+  // of later times. If that alone counted, the camera would chase the edge of the bound while all other places are
+  // about to lose their sight. Behind a fast target it does count alone, because all places at the front of the bound
+  // are new there, and the camera will be beyond them.
   float guessed_share(size_t candidate, size_t slice) const {
     const auto now = static_cast<float>(picture_loss(in_.sights.hidden[candidate], count_));
     if (!guesses_ahead_) return now;
@@ -165,13 +187,13 @@ class PlanPricer {
 
   const MoveInput& in_;
   FlightPlanner& planner_;
-  std::vector<float>& outside_;  // by cell: the cost of being outside the limits
+  std::vector<float>& outside_;                       // by cell: the cost of being outside the limits
   InlineVector<TrackedTarget, kMaxTargets> targets_;  // where they are when these limits hold
   const CostWeights& weights_;
   const HiddenAhead& ahead_;
   const Lattice& lattice_;
   const glm::dvec3 group_mps_;
-  const double count_;  // of targets, see effective_count
+  const double count_;          // of targets, see effective_count
   bool guesses_ahead_ = false;  // false behind a fast target, see guessed_share
   double occlusion_ = 0, tolerance_ = 0, distance_ = 0;
   // The offset from the subjects' middle to the camera that pictures are compared with. Empty: they are not.
@@ -188,10 +210,11 @@ FlightSettings flight_settings(const MoveInput& in) {
           .afterwards = kAfterwards};
 }
 
-// The mean cost of the slices along a path, as of a flight plan. Beyond the bound, the last cost that is known is taken to hold: a camera behind a car is
-// soon far from any place that is known now.
+// The mean cost of the slices along a path, as of a flight plan. Beyond the bound, the last cost that is known is taken
+// to hold: a camera behind a car is soon far from any place that is known now.
 template <typename Path>
-double cost_of_path(const FlightPlanner& planner, const HiddenAhead& ahead, const FlightSettings& settings, const Bound& bound, Path path) {
+double cost_of_path(const FlightPlanner& planner, const HiddenAhead& ahead, const FlightSettings& settings,
+                    const Bound& bound, Path path) {
   double sum = 0, last = 0;
   glm::dvec3 in_bound_m(0.0);
   for (size_t slice = 0; slice < kSlices; ++slice) {
@@ -206,7 +229,11 @@ double cost_of_path(const FlightPlanner& planner, const HiddenAhead& ahead, cons
 class GoalSearch {
  public:
   GoalSearch(const MoveInput& in, MoveScratch& scratch)
-      : in_(in), scratch_(scratch), planner_(scratch.planner), pricer_(in, planner_, scratch.outside), settings_(flight_settings(in)),
+      : in_(in),
+        scratch_(scratch),
+        planner_(scratch.planner),
+        pricer_(in, planner_, scratch.outside),
+        settings_(flight_settings(in)),
         ways_(in.surroundings.colliders, in.step.camera.pose.position_m, body_m(in)) {}
 
   Goal choose() {
@@ -230,7 +257,9 @@ class GoalSearch {
  private:
   Goal go_on(const FlightPlan& plan) {
     const double stay = stay_cost(), follow = follow_cost();
-    Goal goal = decide_to_follow(follow, stay, plan.cost) ? follow_desired(pace()) : stay <= plan.cost ? stay_here() : fly(plan);
+    Goal goal = decide_to_follow(follow, stay, plan.cost) ? follow_desired(pace())
+                : stay <= plan.cost                       ? stay_here()
+                                                          : fly(plan);
     set_losses(follow, stay, plan, goal.courses);
     return goal;
   }
@@ -246,7 +275,8 @@ class GoalSearch {
     change_ = in_.carried.change.value_or(SummedGain{});
     if (!in_.carried.change) return follow <= std::min(stay, plan);
     const double steadiness = in_.step.input.settings.move.cost.steadiness;
-    const double gain_m = in_.carried.follows ? follow - std::min(stay, plan + steadiness) : std::min(stay, plan) - follow;
+    const double gain_m = in_.carried.follows ? follow - std::min(stay, plan + steadiness)
+                                              : std::min(stay, plan) - follow;
     return change_->add(gain_m, in_.step.decision_s) != in_.carried.follows;
   }
 
@@ -267,11 +297,14 @@ class GoalSearch {
   }
   bool sees_any(const FlightPlan& plan) const {
     if (in_.sights.hidden[in_.sights.own_candidate] < kAllHidden) return true;
-    return std::ranges::any_of(plan.candidates, [&](uint32_t candidate) { return in_.sights.hidden[candidate] < kAllHidden; });
+    return std::ranges::any_of(plan.candidates,
+                               [&](uint32_t candidate) { return in_.sights.hidden[candidate] < kAllHidden; });
   }
   // `arrives_s`: when the camera is there.
   Goal goal_at(size_t candidate, const glm::dvec3& position_m, FlightCourse course, double arrives_s = 0.0) const {
-    Goal goal{.choice = choice_of(static_cast<uint32_t>(candidate), in_.sights.candidates, in_.step.targets.tracked_targets), .position_m = position_m};
+    Goal goal{
+        .choice = choice_of(static_cast<uint32_t>(candidate), in_.sights.candidates, in_.step.targets.tracked_targets),
+        .position_m = position_m};
     const uint32_t steered = in_.step.targets.steered;
     const WantedShot& shot = in_.carried.shot;
     goal.courses.taken = course;
@@ -286,9 +319,11 @@ class GoalSearch {
   }
   HeldFacts hold(const WhatIsSeen& seen) const {
     const HeldFacts& before = in_.carried.in_force.facts;
-    const auto longer_s = [&](bool is_so, double before_s) { return is_so ? std::min(before_s + in_.step.decision_s, kFactHoldsS) : 0.0; };
-    return {longer_s(seen.from_goal == seen.steered, before.goal_sees_all_s), longer_s(seen.keeps_shot, before.goal_keeps_shot_s),
-            longer_s(!seen.somewhere_all, before.none_sees_all_s)};
+    const auto longer_s = [&](bool is_so, double before_s) {
+      return is_so ? std::min(before_s + in_.step.decision_s, kFactHoldsS) : 0.0;
+    };
+    return {longer_s(seen.from_goal == seen.steered, before.goal_sees_all_s),
+            longer_s(seen.keeps_shot, before.goal_keeps_shot_s), longer_s(!seen.somewhere_all, before.none_sees_all_s)};
   }
   // Without what has not held for long enough to be said.
   static WhatIsSeen as_held(WhatIsSeen seen, const HeldFacts& facts) {
@@ -354,7 +389,8 @@ class GoalSearch {
   }
   double response_s() const { return in_.step.input.settings.move.move_response_s; }
 
-  // The acceleration with which the camera flies a plan, which leads it to `to_m`; a velocity if it is far behind or no acceleration is free.
+  // The acceleration with which the camera flies a plan, which leads it to `to_m`; a velocity if it is far behind or no
+  // acceleration is free.
   Tracking track(const FlightPlan& plan, const glm::dvec3& to_m) {
     glm::dvec3 wanted_mps = (to_m - eye_m()) / kGoalS;
     const bool hurries = is_far_behind(plan);
@@ -364,14 +400,16 @@ class GoalSearch {
     if (hurries) return at_velocity;
     const double time_s = std::max(response_s(), in_.step.move_s);
     const glm::dvec3& velocity_mps = in_.step.camera.velocity_mps;
-    const auto acceleration_mps2 = best_acceleration_mps2(planner_, settings_, acceleration_input((wanted_mps - velocity_mps) / time_s));
+    const auto acceleration_mps2 = best_acceleration_mps2(planner_, settings_,
+                                                          acceleration_input((wanted_mps - velocity_mps) / time_s));
     return acceleration_mps2 ? Tracking{.by = TrackBy::kAcceleration, .vector = *acceleration_mps2} : at_velocity;
   }
   // The farthest point of the plan that the body can reach straight.
   glm::dvec3 reachable_m(const FlightPlan& plan) {
     size_t last = plan.point_m.size() - 1;
     while (last > 1 && !ways_.is_free(plan.point_m[last])) --last;
-    // A plan may begin in the cell where the camera is. The camera must not wait there for a way that is never quite free.
+    // A plan may begin in the cell where the camera is. The camera must not wait there for a way that is never quite
+    // free.
     if (last + 1 < plan.point_m.size() && glm::distance(plan.point_m[last], eye_m()) < kHereM) ++last;
     return plan.point_m[last];
   }
@@ -379,7 +417,8 @@ class GoalSearch {
     const glm::dvec3 way_m = corner_m - eye_m();
     const double length_m = glm::length(way_m);
     if (length_m < 1e-9) return wanted_mps;
-    return way_m * (std::min(glm::length(wanted_mps), length_m / std::max(response_s(), 2 * in_.step.move_s)) / length_m);
+    return way_m *
+           (std::min(glm::length(wanted_mps), length_m / std::max(response_s(), 2 * in_.step.move_s)) / length_m);
   }
   AccelerationInput acceleration_input(const glm::dvec3& planned_mps2) {
     const double response = response_s() / kEffortResponseS;
@@ -394,7 +433,8 @@ class GoalSearch {
             .effort_m = kEffortM * response * response};
   }
 
-  // The plan flies straight on for all its time, and far beyond it. So the camera may be faster than the mean speed of a plan.
+  // The plan flies straight on for all its time, and far beyond it. So the camera may be faster than the mean speed of
+  // a plan.
   bool is_far_behind(const FlightPlan& plan) const {
     const double way_m = glm::distance(eye_m(), plan.point_m.back());
     return way_m > kStraightOn * settings_.speed_mps * ahead().ahead_s(kSlices - 1) && left_m() > kFarBehind * way_m;
@@ -426,7 +466,8 @@ class GoalSearch {
     goal.velocity_mps = velocity_along(in_.step, leg, glm::dvec3(0.0));
     return goal;
   }
-  // The nearest candidate that sees a target. While there is one, the camera keeps for a while to the one that was the nearest.
+  // The nearest candidate that sees a target. While there is one, the camera keeps for a while to the one that was the
+  // nearest.
   std::optional<uint32_t> find_view() {
     const auto& former_m = in_.carried.blind.view_m;
     blind_.view_s = in_.carried.blind.view_s + in_.step.decision_s;
@@ -467,8 +508,8 @@ class GoalSearch {
 
   // ---- a far way: round whatever keeps a camera from seeing its targets for long ----
 
-  // The camera's own sights decide whether it is blind, over a short time. The maps see more than there is through gaps and past movers, so plans
-  // made by them may lead nowhere.
+  // The camera's own sights decide whether it is blind, over a short time. The maps see more than there is through gaps
+  // and past movers, so plans made by them may lead nowhere.
   BlindState blind_since(const FlightPlan& plan) const {
     const uint32_t seen = seen_of_late(in_.step, in_.carried);
     BlindState blind = in_.carried.blind;
@@ -491,7 +532,8 @@ class GoalSearch {
   double shot_gains_s(uint32_t seen, const FlightPlan& plan) const {
     const BlindState& former = in_.carried.blind;
     if (seen == 0 && !former.way_m.empty()) return former.shot_gains_s;  // it is on a way
-    if (seen != 0 && gains_by_shot(seen, plan)) return std::min(former.shot_gains_s + in_.step.decision_s, kShotGainsS + kShotGoesOnS);
+    if (seen != 0 && gains_by_shot(seen, plan))
+      return std::min(former.shot_gains_s + in_.step.decision_s, kShotGainsS + kShotGoesOnS);
     return std::max(former.shot_gains_s - kNoGain * in_.step.decision_s, 0.0);
   }
   bool gains_by_shot(uint32_t seen, const FlightPlan& plan) const {
@@ -508,24 +550,28 @@ class GoalSearch {
   // The share of the targets that the viewpoint search knows to be hidden at the wanted shot.
   double hidden_at_shot() const {
     std::array<float, kMaxTargets> seen;
-    for (size_t i = 0; i < in_.step.target_count(); ++i) seen[i] = in_.carried.viewpoints.share(i, *in_.carried.shot.viewpoint);
+    for (size_t i = 0; i < in_.step.target_count(); ++i)
+      seen[i] = in_.carried.viewpoints.share(i, *in_.carried.shot.viewpoint);
     return hidden_share(in_.step.targets.tracked_targets, std::span(seen).first(in_.step.target_count()));
   }
   // The share of the targets that pictures of late lack, less that which is hidden at the wanted shot.
   double gain_by_shot() const {
     if (!knows_shot()) return 0.0;
     std::array<float, kMaxTargets> own;
-    for (size_t i = 0; i < in_.step.target_count(); ++i) own[i] = static_cast<float>(in_.carried.shares.share(i).value_or(0.0));
-    return hidden_share(in_.step.targets.tracked_targets, std::span(own).first(in_.step.target_count())) - hidden_at_shot();
+    for (size_t i = 0; i < in_.step.target_count(); ++i)
+      own[i] = static_cast<float>(in_.carried.shares.share(i).value_or(0.0));
+    return hidden_share(in_.step.targets.tracked_targets, std::span(own).first(in_.step.target_count())) -
+           hidden_at_shot();
   }
-  // What a picture from the end of a plan is expected to lack, less what one from the wanted shot lacks. The picture from the shot is taken to hold
-  // all targets.
+  // What a picture from the end of a plan is expected to lack, less what one from the wanted shot lacks. The picture
+  // from the shot is taken to hold all targets.
   double gain_by_shot_after(const FlightPlan& plan) const {
     if (!knows_shot() || plan.candidates.empty()) return 0.0;
     const CandidateMemory& candidates = in_.carried.candidates;
     const SharePart lacks = ahead().shares(kSlices - 1)[candidates.lattice.addresses()[plan.candidates.back()]];
     if (lacks == kUnknownShare) return 0.0;
-    return lacks * (1.0 / kWholeShare) - picture_loss(hidden_at_shot(), effective_count(in_.step.targets.sight_weights));
+    return lacks * (1.0 / kWholeShare) -
+           picture_loss(hidden_at_shot(), effective_count(in_.step.targets.sight_weights));
   }
   std::optional<Goal> take_far_way(double body_radius_m) {
     const bool is_stuck = blind_.blind_s > kStuckS && glm::length(in_.step.camera.velocity_mps) < kStuckMps;
@@ -536,7 +582,8 @@ class GoalSearch {
     const std::optional<Leg> leg = leg_of_far_way();
     if (!leg) return std::nullopt;
     scratch_.way.clear();
-    Goal goal{.choice = to_shot ? choice_for(MoveStatus::kPartial, FlightCourse::kToShot) : choice_for(MoveStatus::kEscaping, FlightCourse::kFarWay),
+    Goal goal{.choice = to_shot ? choice_for(MoveStatus::kPartial, FlightCourse::kToShot)
+                                : choice_for(MoveStatus::kEscaping, FlightCourse::kFarWay),
               .position_m = part_of_way_m(leg->to_m, settings_.speed_mps * kGoalS),
               .velocity_mps = velocity_along(in_.step, *leg, glm::dvec3(0.0)),
               .tracking = along(in_.step, *leg)};
@@ -546,11 +593,16 @@ class GoalSearch {
     return goal;
   }
   FarWayInput way_to_shot(double body_radius_m) const {
-    return {.from_m = eye_m(), .to_m = in_.desired_m, .body_radius_m = body_radius_m, .near_m = kShotNearM, .keep_off_m = 0.0};
+    return {.from_m = eye_m(),
+            .to_m = in_.desired_m,
+            .body_radius_m = body_radius_m,
+            .near_m = kShotNearM,
+            .keep_off_m = 0.0};
   }
   FarWayInput way_to_target(double body_radius_m) const {
     FarWayInput input{.from_m = eye_m(), .to_m = nearest_target_m(), .body_radius_m = body_radius_m};
-    input.keep_off_m = std::max(input.keep_off_m, in_.step.input.settings.move.min_distance_m + FarWayFinder::kCellM / 2);
+    input.keep_off_m = std::max(input.keep_off_m,
+                                in_.step.input.settings.move.min_distance_m + FarWayFinder::kCellM / 2);
     input.near_m = std::max(input.near_m, input.keep_off_m + FarWayFinder::kCellM);
     return input;
   }

@@ -51,33 +51,41 @@ glm::dvec3 velocity_along(const StepContext& step, const Leg& leg, const glm::dv
   glm::dvec3 wanted_mps = with_mps;
   if (distance_m > 1e-9) {
     const double arrival_mps = arrival_speed_mps(leg.length_m, braking, step.move_s);
-    wanted_mps += way_m * (std::min(arrival_mps, leg.length_m / std::max(pace.closing * response_s, 2 * step.move_s)) / distance_m);
+    wanted_mps += way_m * (std::min(arrival_mps, leg.length_m / std::max(pace.closing * response_s, 2 * step.move_s)) /
+                           distance_m);
   }
   return steer_velocity(step.camera, wanted_mps, step.input.limits, pace.response * response_s, step.move_s);
 }
 
 Tracking along(const StepContext& step, const Leg& leg, const Pace& pace) {
-  return {.by = TrackBy::kLeg, .pace = pace, .vector = leg.to_m, .beyond_m = std::max(0.0, leg.length_m - glm::distance(step.camera.pose.position_m, leg.to_m))};
+  return {.by = TrackBy::kLeg,
+          .pace = pace,
+          .vector = leg.to_m,
+          .beyond_m = std::max(0.0, leg.length_m - glm::distance(step.camera.pose.position_m, leg.to_m))};
 }
 
 glm::dvec3 velocity_by(const StepContext& step, const Tracking& tracking, const glm::dvec3& desired_m) {
   const glm::dvec3 eye_m = step.camera.pose.position_m, still(0.0);
   const CameraLimits& limits = step.input.limits;
   const double response_s = step.input.settings.move.move_response_s;
-  const auto leg_to = [&](const glm::dvec3& to_m, double beyond_m) { return Leg{to_m, glm::distance(eye_m, to_m) + beyond_m}; };
+  const auto leg_to = [&](const glm::dvec3& to_m, double beyond_m) {
+    return Leg{to_m, glm::distance(eye_m, to_m) + beyond_m};
+  };
   switch (tracking.by) {
     case TrackBy::kStop:
       return steer_velocity(step.camera, still, limits, 0.0, step.move_s);
     case TrackBy::kStay:
       return velocity_along(step, {eye_m, 0}, still, tracking.pace);
     case TrackBy::kFollow:
-      return velocity_along(step, leg_to(desired_m + tracking.vector, tracking.beyond_m), group_velocity_mps(step), tracking.pace);
+      return velocity_along(step, leg_to(desired_m + tracking.vector, tracking.beyond_m), group_velocity_mps(step),
+                            tracking.pace);
     case TrackBy::kLeg:
       return velocity_along(step, leg_to(tracking.vector, tracking.beyond_m), still, tracking.pace);
     case TrackBy::kVelocity:
       return steer_velocity(step.camera, tracking.vector, limits, response_s, step.move_s);
     case TrackBy::kAcceleration:
-      return steer_velocity(step.camera, step.camera.velocity_mps + tracking.vector * std::max(response_s, step.move_s), limits, response_s, step.move_s);
+      return steer_velocity(step.camera, step.camera.velocity_mps + tracking.vector * std::max(response_s, step.move_s),
+                            limits, response_s, step.move_s);
   }
   return still;
 }

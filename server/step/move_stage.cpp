@@ -29,7 +29,8 @@ std::optional<double> way_to_view_m(const MoveInput& in, const Choice& choice, c
   return sees(goal) ? std::optional(way_length_m(in, from_m, way)) : std::nullopt;
 }
 
-// Chooses the candidate to go to and the velocity. Sets the horizon, the goal, and what is expected to be seen on the way.
+// Chooses the candidate to go to and the velocity. Sets the horizon, the goal, and what is expected to be seen on the
+// way.
 Course flight_course(const MoveInput& in, MoveScratch& scratch, Decision& decision) {
   Goal goal;
   if (in.step.targets.steered != 0) {
@@ -69,14 +70,15 @@ std::optional<glm::dvec3> nearest_view_m(const MoveInput& in, const glm::dvec3& 
   return nearest_m;
 }
 
-// Adds what the velocity lacks to approach the viewer's camera at the speed of the pull. The velocity may hold some of the
-// last step's pull already.
+// Adds what the velocity lacks to approach the viewer's camera at the speed of the pull. The velocity may hold some of
+// the last step's pull already.
 glm::dvec3 pulled(const MoveInput& in, const glm::dvec3& wanted_mps) {
   const double speed_mps = glm::length(in.carried.pull_mps);
   if (speed_mps == 0) return wanted_mps;
   const glm::dvec3 direction = in.carried.pull_mps / speed_mps;
   const double missing_mps = std::clamp(speed_mps - glm::dot(wanted_mps, direction), 0.0, speed_mps);
-  return clamp_velocity(in.step.camera.velocity_mps, wanted_mps + missing_mps * direction, in.step.input.limits, in.step.move_s);
+  return clamp_velocity(in.step.camera.velocity_mps, wanted_mps + missing_mps * direction, in.step.input.limits,
+                        in.step.move_s);
 }
 
 void travel(const MoveInput& in, const glm::dvec3& wanted_mps, Decision& decision) {
@@ -85,7 +87,8 @@ void travel(const MoveInput& in, const glm::dvec3& wanted_mps, Decision& decisio
   CameraState& camera = decision.camera;
   const glm::dvec3 pulled_mps = pulled(in, wanted_mps);
   in.surroundings.colliders.allow(kMostTests);  // the choice of the goal may have used up its own
-  const glm::dvec3 evading_mps = evade(camera, pulled_mps, limits, lens, in.surroundings.movers_ahead, in.surroundings.colliders, in.step.move_s);
+  const glm::dvec3 evading_mps = evade(camera, pulled_mps, limits, lens, in.surroundings.movers_ahead,
+                                       in.surroundings.colliders, in.step.move_s);
   const bool blind = in.step.target_count() > 0 && in.seen_here == 0;
   const SafeMove safe = make_safe(camera, evading_mps, limits, lens, in.surroundings.colliders, in.step.move_s, blind);
   decision.wanted_mps = pulled_mps;
@@ -96,8 +99,8 @@ void travel(const MoveInput& in, const glm::dvec3& wanted_mps, Decision& decisio
   camera = moved(camera, safe.velocity_mps, in.step.move_s);
 }
 
-// The point of a target's body that is nearest to the middle of the picture. The body reaches about kBodyPart of its bounding sphere's
-// radius to each side, as a standing person does.
+// The point of a target's body that is nearest to the middle of the picture. The body reaches about kBodyPart of its
+// bounding sphere's radius to each side, as a standing person does.
 glm::dvec3 innermost_m(const Pose& world_from_camera, const TrackedTarget& target) {
   constexpr double kBodyPart = 0.3;
   const double reach_m = kBodyPart * target.radius_m;
@@ -108,15 +111,16 @@ glm::dvec3 innermost_m(const Pose& world_from_camera, const TrackedTarget& targe
 }
 
 // Returns whether the picture shows at least a part of one of these targets.
-bool shows_any(const Pose& world_from_camera, Lens lens, double room, std::span<const TrackedTarget> targets, uint32_t mask) {
+bool shows_any(const Pose& world_from_camera, Lens lens, double room, std::span<const TrackedTarget> targets,
+               uint32_t mask) {
   lens.vertical_fov_rad *= room;
   for (size_t i = 0; i < targets.size(); ++i)
     if (mask >> i & 1u && in_picture(world_from_camera, lens, innermost_m(world_from_camera, targets[i]))) return true;
   return false;
 }
 
-// A camera that follows aims at all steered targets if they fit in the picture, or if it shows at least one of those that it sees meanwhile.
-// `had_all`: it aimed at all of them at the last step.
+// A camera that follows aims at all steered targets if they fit in the picture, or if it shows at least one of those
+// that it sees meanwhile. `had_all`: it aimed at all of them at the last step.
 bool aims_at_all(const MoveInput& in, const Decision& decision, const Aim& all, uint32_t seen, bool had_all) {
   if (all.fits || seen == 0) return true;
   const auto shows = [&](const ViewAngles& angles, double room) {
@@ -126,9 +130,9 @@ bool aims_at_all(const MoveInput& in, const Decision& decision, const Aim& all, 
   return had_all ? shows(all.angles, 1.0) || shows(decision.turn.angles, 1.0) : shows(all.angles, kRoomToReturn);
 }
 
-// Aims at all steered targets. A camera that stays where it is leaves out the least important ones if the picture cannot
-// hold all of them. A camera that follows is soon where it can, or has given them up (see give_up_targets). On its way there it leaves
-// some out only if it would otherwise show none of those that it sees.
+// Aims at all steered targets. A camera that stays where it is leaves out the least important ones if the picture
+// cannot hold all of them. A camera that follows is soon where it can, or has given them up (see give_up_targets). On
+// its way there it leaves some out only if it would otherwise show none of those that it sees.
 Aim choose_aim(const MoveInput& in, Decision& decision) {
   const StepContext& step = in.step;
   const AimRules rules = aim_rules(step);
@@ -152,7 +156,8 @@ Aim choose_aim(const MoveInput& in, Decision& decision) {
   return aim_at(eye_m, only_kept(targets, kept, memory), present, step.lens, rules);
 }
 
-// The time in which the camera answers an aim: shorter the nearer the aim is to the edge of the soft zone, and none outside.
+// The time in which the camera answers an aim: shorter the nearer the aim is to the edge of the soft zone, and none
+// outside.
 double aim_response_s(const AimRules& rules, const Aim& aim) {
   constexpr double kHurriesFrom = 0.6;  // of the soft zone
   double calm = 1.0;
@@ -173,12 +178,13 @@ void turn(const MoveInput& in, Decision& decision) {
   decision.turn = turn_towards(decision.turn, aim.angles, step.input.limits, aim_response_s(rules, aim), step.move_s);
   camera.pose.rotation = rotation_from_angles(decision.turn.angles);
   const glm::dquat delta = camera.pose.rotation * glm::conjugate(before);
-  camera.angular_velocity_radps =
-      glm::axis(delta) * (std::remainder(glm::angle(delta), 2 * std::acos(-1.0)) / step.move_s);
+  camera.angular_velocity_radps = glm::axis(delta) *
+                                  (std::remainder(glm::angle(delta), 2 * std::acos(-1.0)) / step.move_s);
   // The zoom responds as fast as the aim.
   const double share = framing.aim_response_s > 0 ? 1 - std::pow(0.01, step.move_s / framing.aim_response_s) : 1.0;
   double fov_rad = zooms(framing) ? aim.vertical_fov_rad : step.input.lens.vertical_fov_rad;
-  if (step.targets.steered != 0) fov_rad = fov_for_size_rad(step, in.carried.shot, camera.pose.position_m).value_or(fov_rad);
+  if (step.targets.steered != 0)
+    fov_rad = fov_for_size_rad(step, in.carried.shot, camera.pose.position_m).value_or(fov_rad);
   decision.vertical_fov_rad += share * (fov_rad - decision.vertical_fov_rad);
 }
 
@@ -214,13 +220,12 @@ void gather_colliders(const StepContext& step, const Bound& bound, Surroundings&
   const double body_m = swept_radius_m(limits, step.lens);
   const double reach_m = 2 * bound.radius_m + limits.max_speed_mps * step.move_s +
                          braking_distance_m(glm::dvec3(limits.max_speed_mps, 0, 0), limits);
-  surroundings.colliders.gather(step.input.scene, position_m,
-                                std::min(reach_m, 2 * bound.radius_m + 20.0) + 2 * body_m, {});
+  surroundings.colliders.gather(step.input.scene, position_m, std::min(reach_m, 2 * bound.radius_m + 20.0) + 2 * body_m,
+                                {});
   surroundings.colliders.allow(kMostTests);
   for (size_t look = 0; look < kEvadeS.size(); ++look) {
-    surroundings.movers_ahead[look].gather_movers(step.input.scene, position_m,
-                                                  limits.max_speed_mps * kEvadeS[look] + 2 * body_m + 1.0, {},
-                                                  kEvadeS[look]);
+    surroundings.movers_ahead[look].gather_movers(
+        step.input.scene, position_m, limits.max_speed_mps * kEvadeS[look] + 2 * body_m + 1.0, {}, kEvadeS[look]);
     surroundings.movers_ahead[look].allow(kMostTests);
   }
 }
@@ -232,7 +237,8 @@ Decision decide(const MoveInput& in, MoveScratch& scratch) {
     decision.courses = in.carried.in_force.courses;
     return decision;
   }
-  const Course course = follows_paper(in.step.input) ? paper_course(in, scratch, decision) : flight_course(in, scratch, decision);
+  const Course course = follows_paper(in.step.input) ? paper_course(in, scratch, decision)
+                                                     : flight_course(in, scratch, decision);
   decision.status = course.choice.status;
   decision.course_reason = course.choice.reason;
   decision.chosen_candidate = course.choice.candidate;
@@ -247,7 +253,8 @@ Decision go_on(const MoveInput& in) {
   Decision decision = unmoved(in);
   decision.change = in.carried.change;
   decision.status = last.status, decision.course_reason = last.reason, decision.courses = last.courses;
-  decision.view_way_m = last.view_way_m, decision.sees_none = last.sees_none, decision.nearest_view_m = last.nearest_view_m;
+  decision.view_way_m = last.view_way_m, decision.sees_none = last.sees_none,
+  decision.nearest_view_m = last.nearest_view_m;
   decision.tracking = last.tracking;
   // The goal is where the camera will be after a fixed time, so it goes on with it.
   if (decision.goal_m) *decision.goal_m += in.step.camera.velocity_mps * in.step.move_s;

@@ -46,9 +46,12 @@ uint64_t number_of_decision(const StepInput& input, double clock_s) {
 bool decides(const StepInput& input, const CarriedState& carried, const TargetsNow& targets, const Opening& opening) {
   const DecisionInForce& last = carried.in_force;
   if (follows_paper(input) || last.is_due || opening.move_s <= 0 || targets.steered == 0) return true;
-  const bool asked_anew = !carried.shot.is_set || opening.shot.frame.number != carried.shot.frame.number || opening.shot.target_set != carried.shot.target_set;
+  const bool asked_anew = !carried.shot.is_set || opening.shot.frame.number != carried.shot.frame.number ||
+                          opening.shot.target_set != carried.shot.target_set;
   if (!std::ranges::equal(targets.ids, last.target_ids)) return true;
-  if (asked_anew || opening.target_jumped || opening.shot.cut_s > 0 || !std::ranges::equal(opening.given_up, carried.given_up)) return true;
+  if (asked_anew || opening.target_jumped || opening.shot.cut_s > 0 ||
+      !std::ranges::equal(opening.given_up, carried.given_up))
+    return true;
   // At multiples of the time on the session's own clock, so that what was decided before does not matter.
   const double every_s = input.settings.move.decide_every_s;
   return every_s <= 0 || std::floor((last.clock_s + opening.move_s) / every_s) > std::floor(last.clock_s / every_s);

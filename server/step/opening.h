@@ -10,7 +10,7 @@ namespace sightline {
 // The parts of the carried state that the inputs of a step change. They are stored there when the step is finished.
 struct Opening {
   double move_s = 0.0;
-  bool decides = true;      // as in StepContext
+  bool decides = true;  // as in StepContext
   double decision_s = 0.0;
   uint64_t decision = 0;
   ZoomState zoom;

@@ -1,5 +1,6 @@
-// The stages of a step under the paper's strategies, Basic and RobustMove (paper 3.2 to 3.4, 5, 6.1). They take maps for pair volumes or the lattice,
-// find which candidates see which targets, and choose the nearest good candidate. server/paper/README.md says where each part is.
+// The stages of a step under the paper's strategies, Basic and RobustMove (paper 3.2 to 3.4, 5, 6.1). They take maps
+// for pair volumes or the lattice, find which candidates see which targets, and choose the nearest good candidate.
+// server/paper/README.md says where each part is.
 #include <algorithm>
 #include <functional>
 #include <limits>
@@ -21,7 +22,8 @@ void chain_pairs(const SampleInput& in, const glm::dvec2& jitter, SamplePlan& pl
   if (plan.pair.needs_two || plan.pair.needs_lattice) return;
   plan.chained_m.clear();
   for (const MapRange& points : plan.now.points_of_target) plan.chained_m.push_back(plan.now.points_m[points.first]);
-  plan.pair.gap = make_pair_chain(plan.chained_m, in.bound, map_resolution(settings.sample, in.bound), jitter, plan.chain);
+  plan.pair.gap = make_pair_chain(plan.chained_m, in.bound, map_resolution(settings.sample, in.bound), jitter,
+                                  plan.chain);
   plan.pair.used = plan.pair.gap == PairGap::kNone;
 }
 
@@ -40,8 +42,8 @@ void plan_chain_maps(const glm::dvec2& jitter, SamplePlan& plan) {
 
 // ---- aggregate ----
 
-// The camera's own position and the desired one are rarely meeting points. Each takes the nearest texels, and outside of the volume such as have no
-// neighbour.
+// The camera's own position and the desired one are rarely meeting points. Each takes the nearest texels, and outside
+// of the volume such as have no neighbour.
 void list_own_texels(const AggregateInput& in, CandidateSights& sights) {
   const PlaceList& candidate_m = sights.candidates.position_m;
   const glm::dvec2 jitter = in.taken.maps.front().view.jitter;
@@ -51,8 +53,10 @@ void list_own_texels(const AggregateInput& in, CandidateSights& sights) {
   }
 }
 
-// Lists the candidates and the targets that each sees now. Lattice cells get addresses only where the filter stores their past.
-void list_and_look(const AggregateInput& in, CandidateMemory& memory, AggregateScratch& scratch, CandidateSights& sights) {
+// Lists the candidates and the targets that each sees now. Lattice cells get addresses only where the filter stores
+// their past.
+void list_and_look(const AggregateInput& in, CandidateMemory& memory, AggregateScratch& scratch,
+                   CandidateSights& sights) {
   const TakenMaps& taken = in.taken;
   const AggregateSettings& settings = taken.settings;
   CandidateSet& candidates = sights.candidates;
@@ -80,8 +84,10 @@ void list_and_look(const AggregateInput& in, CandidateMemory& memory, AggregateS
   visible[sights.own_candidate] = seen_from_own_position(in.step, taken);
 }
 
-// Filters over the last steps. For a pair volume's candidates, their volumes are looked up; for lattice cells, the past is kept by address.
-void filter_paper(const AggregateInput& in, CandidateMemory& memory, AggregateScratch& scratch, CandidateSet& candidates) {
+// Filters over the last steps. For a pair volume's candidates, their volumes are looked up; for lattice cells, the past
+// is kept by address.
+void filter_paper(const AggregateInput& in, CandidateMemory& memory, AggregateScratch& scratch,
+                  CandidateSet& candidates) {
   const TakenMaps& taken = in.taken;
   const FilterSettings& filter = taken.settings.filter;
   const PairPlan& pair = taken.plan.pair;
@@ -95,8 +101,8 @@ void filter_paper(const AggregateInput& in, CandidateMemory& memory, AggregateSc
   memory.volume.forget();  // its steps would pass for recent ones later
   if (in.step.move_s <= 0) return;
   memory.pairs.push(taken.plan.chain, taken.maps.first(ids.size()), ids, taken.settings.relative_bias, filter.n);
-  memory.pairs.filter(candidates.position_m.view().singles_m(), candidates.visible_targets, ids, in.step.targets.steered, filter,
-                      candidates.filtered_targets);
+  memory.pairs.filter(candidates.position_m.view().singles_m(), candidates.visible_targets, ids,
+                      in.step.targets.steered, filter, candidates.filtered_targets);
 }
 
 // ---- move ----
@@ -115,7 +121,8 @@ void leave_out_hidden_ahead(const MoveInput& in, std::vector<uint8_t>& members) 
     if (!seen_ahead(i)) members[i] = 0;
 }
 
-// Lists the candidates' cells, in the lattice or in the pair volume, and marks the candidates that see all steered targets.
+// Lists the candidates' cells, in the lattice or in the pair volume, and marks the candidates that see all steered
+// targets.
 void list_all_visible(const MoveInput& in, MoveScratch& scratch) {
   const CandidateSet& candidates = in.sights.candidates;
   const std::span<const uint32_t> seen = candidates.filtered();
@@ -134,7 +141,8 @@ void set_robust_costs(const MoveInput& in, MoveScratch& s) {
   leave_out_hidden_ahead(in, s.members);
   const Neighbours neighbours = in.sights.on_lattice ? Neighbours::kFaces : Neighbours::kTouching;
   find_groups(s.cells, neighbours, position_m, s.members, in.desired_m, s.group_scratch, s.groups);
-  if (in.step.input.settings.move.robust_goal == RobustGoal::kCenter) return center_costs(position_m, in.desired_m, s.groups, s.cost);
+  if (in.step.input.settings.move.robust_goal == RobustGoal::kCenter)
+    return center_costs(position_m, in.desired_m, s.groups, s.cost);
   // A place outside a pair volume has no cell that is near any other, so nothing is measured from it.
   if (!in.sights.on_lattice)
     for (size_t i = 0; i < s.members.size(); ++i) s.members[i] |= s.cells[i].x < 0;
@@ -142,12 +150,15 @@ void set_robust_costs(const MoveInput& in, MoveScratch& s) {
   robust_costs(position_m, in.desired_m, s.groups, s.edge_distance_squared, s.cost);
 }
 
-// With RobustGoal::kCenter the camera goes to the group's centre itself rather than to the member next to it, if the body can go there.
+// With RobustGoal::kCenter the camera goes to the group's centre itself rather than to the member next to it, if the
+// body can go there.
 void aim_at_center(const MoveInput& in, const MoveScratch& s, const Reachable& reachable, Choice& choice) {
   if (in.step.input.settings.move.robust_goal != RobustGoal::kCenter || choice.candidate < 0) return;
-  if (s.groups.largest == kNoGroup || s.groups.group_of[static_cast<size_t>(choice.candidate)] != s.groups.largest) return;
+  if (s.groups.largest == kNoGroup || s.groups.group_of[static_cast<size_t>(choice.candidate)] != s.groups.largest)
+    return;
   const glm::dvec3 center_m = center_of_largest_m(in.sights.position_m, s.groups);
-  if (!reachable(center_m) || !within_limits(center_m, in.step.targets.tracked_targets, in.step.input.settings.move)) return;
+  if (!reachable(center_m) || !within_limits(center_m, in.step.targets.tracked_targets, in.step.input.settings.move))
+    return;
   choice.place_m = center_m;
   if (choice.reason == MoveReason::kAtDesiredPlace) choice.reason = MoveReason::kNearestAllVisible;
 }
@@ -176,8 +187,9 @@ glm::dvec3 velocity_to(const MoveInput& in, const Choice& choice) {
   if (choice.candidate < 0) return stopping_mps(in);
   // A goal at the desired position moves with the targets; any other goal is fixed in the world.
   const bool travels = choice.reason == MoveReason::kAtDesiredPlace;
-  return velocity_towards(camera, choice.place_m.value_or(in.sights.candidates.position_m[static_cast<size_t>(choice.candidate)]),
-                          travels ? group_velocity_mps(in.step) : glm::dvec3(0.0), limits, in.step.move_s);
+  return velocity_towards(
+      camera, choice.place_m.value_or(in.sights.candidates.position_m[static_cast<size_t>(choice.candidate)]),
+      travels ? group_velocity_mps(in.step) : glm::dvec3(0.0), limits, in.step.move_s);
 }
 
 }  // namespace
@@ -197,13 +209,16 @@ void plan_paper_maps(const SampleInput& in, SampleScratch& scratch, SamplePlan& 
   plan_maps(in, jitter, plan.ahead, plan);
 }
 
-void aggregate_paper(const AggregateInput& in, CandidateMemory& memory, AggregateScratch& scratch, CandidateSights& sights) {
+void aggregate_paper(const AggregateInput& in, CandidateMemory& memory, AggregateScratch& scratch,
+                     CandidateSights& sights) {
   memory.ahead.restart();
   list_and_look(in, memory, scratch, sights);
   filter_paper(in, memory, scratch, sights.candidates);
   if (in.taken.plan.ahead_s > 0)
-    scratch.composer.visibility(in.taken.of(in.taken.plan.ahead), in.taken.settings.relative_bias, sights.candidates.ahead_targets);
-  if (in.step.input.settings.move.strategy == Strategy::kRobust) list_places(sights.candidates.position_m, sights.position_m);
+    scratch.composer.visibility(in.taken.of(in.taken.plan.ahead), in.taken.settings.relative_bias,
+                                sights.candidates.ahead_targets);
+  if (in.step.input.settings.move.strategy == Strategy::kRobust)
+    list_places(sights.candidates.position_m, sights.position_m);
 }
 
 Course paper_course(const MoveInput& in, MoveScratch& scratch, Decision& decision) {

@@ -13,8 +13,8 @@ namespace sightline {
 //   1  the viewpoint search takes maps at half its resolution
 //   2  half of the points of each target
 //   3  three quarters of the points; half of the candidates
-//   4  three quarters of the candidates; the viewpoint search at a quarter of its resolution, other maps at three quarters of theirs
-//   5  all but an eighth of the points and candidates; maps at half their resolution; the prediction
+//   4  three quarters of the candidates; the viewpoint search at a quarter of its resolution, other maps at three
+//   quarters of theirs 5  all but an eighth of the points and candidates; maps at half their resolution; the prediction
 // Candidates are left out late, because a lattice of another spacing starts without a visibility history. The viewpoint
 // search is never switched off, because the camera would then return to the client's shot.
 inline constexpr int kLowestQualityLevel = 5;

@@ -61,8 +61,8 @@ StepResult result_of(const StepInput& input, const StepDump& dump) {
   result.pair_gap = dump.plan.pair.gap;
   result.chosen_candidate = dump.decision.chosen_candidate;
   result.cut = dump.decision.cut;
-  const BrokenLimits broken =
-      broken_limits(result.camera.pose.position_m, dump.targets.tracked_targets, input.settings.move);
+  const BrokenLimits broken = broken_limits(result.camera.pose.position_m, dump.targets.tracked_targets,
+                                            input.settings.move);
   result.flags = {.dt_capped = input.dt_s > kMaxStepS,
                   .used_cube_map = dump.plan.used_cube_map,
                   .body_overlap = dump.decision.body_overlap,

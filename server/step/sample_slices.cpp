@@ -1,4 +1,5 @@
-// The maps that the flight plan needs: few of the present, many of coming times, and single rays to where the camera is about to be.
+// The maps that the flight plan needs: few of the present, many of coming times, and single rays to where the camera is
+// about to be.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -25,10 +26,11 @@ glm::dvec3 box_middle_m(const Instance& instance) {
   return transform_point(instance.world_from_instance, glm::dvec3(instance.geometry->bounds.center()));
 }
 
-// By how much to move a point of a target, given its offset from the target's middle, so that the plan takes the target to be wider and taller
-// than it is. A place that only just shows the whole target soon loses it, because the camera and the target never pass exactly where they were
-// expected, and because places lie apart. There is no margin below the target, where the ground is. With several targets (`several` is
-// several_factor) the margin is smaller, since few places show them all.
+// By how much to move a point of a target, given its offset from the target's middle, so that the plan takes the target
+// to be wider and taller than it is. A place that only just shows the whole target soon loses it, because the camera
+// and the target never pass exactly where they were expected, and because places lie apart. There is no margin below
+// the target, where the ground is. With several targets (`several` is several_factor) the margin is smaller, since few
+// places show them all.
 glm::dvec3 margin_m(const glm::dvec3& from_middle_m, double several) {
   constexpr double kWiderM = 0.35, kTallerM = 0.45;
   const double out_m = std::hypot(from_middle_m.x, from_middle_m.z);
@@ -37,12 +39,15 @@ glm::dvec3 margin_m(const glm::dvec3& from_middle_m, double several) {
   return glm::dvec3(wider * from_middle_m.x, taller_m, wider * from_middle_m.z) / several;
 }
 
-// Picks the points of the targets at the slices that are due. In each slice all targets go on as predicted or turn to one side, by
-// chance, since people do turn. The estimates of several steps together hold every way that they may go.
+// Picks the points of the targets at the slices that are due. In each slice all targets go on as predicted or turn to
+// one side, by chance, since people do turn. The estimates of several steps together hold every way that they may go.
 class SlicePicker {
  public:
   SlicePicker(const SampleInput& in, SampleScratch& scratch, SamplePlan& plan)
-      : in_(in), scratch_(scratch), plan_(plan), random_(in.step.input.seed, in.step.decision, RandomPurpose::kTurn),
+      : in_(in),
+        scratch_(scratch),
+        plan_(plan),
+        random_(in.step.input.seed, in.step.decision, RandomPurpose::kTurn),
         several_(several_factor(effective_count(in.step.targets.sight_weights))) {}
 
   void pick() {
@@ -67,7 +72,9 @@ class SlicePicker {
   void pick_target(size_t i) {
     const MotionPredictor& predictor = past_of(in_.pasts, in_.step.targets.ids[i]).predictor;
     const double longest_s = std::min(in_.step.input.settings.move.prediction_s, kSlices * kSliceS);
-    const double reach_m = longest_s * (glm::length(predictor.velocity_mps()) + longest_s * glm::length(predictor.acceleration_mps2())) + 2 * kWalkerM;
+    const double reach_m = longest_s * (glm::length(predictor.velocity_mps()) +
+                                        longest_s * glm::length(predictor.acceleration_mps2())) +
+                           2 * kWalkerM;
     const SceneMirror& scene = in_.step.input.scene;
     scratch_.colliders.gather(scene, in_.step.targets.tracked_targets[i].aim_m, reach_m, scene.moving_slots());
     scratch_.colliders.allow(kMostTests / in_.step.target_count());
@@ -80,14 +87,17 @@ class SlicePicker {
   void pick_points_of(size_t i, const MotionPredictor& predictor, SampledSlice& slice) {
     const glm::dvec3 aim_m = in_.step.targets.tracked_targets[i].aim_m;
     const double ahead_s = std::min(slice.due.ahead_s, in_.step.input.settings.move.prediction_s);
-    const glm::dvec3 way_m = free_way(aim_m, turned(predictor.at(ahead_s).pose.position_m - predictor.at(0).pose.position_m, turns_rad_[slice.due.slice]));
+    const glm::dvec3 way_m = free_way(
+        aim_m,
+        turned(predictor.at(ahead_s).pose.position_m - predictor.at(0).pose.position_m, turns_rad_[slice.due.slice]));
     slice.aim_m.push_back(aim_m + way_m);
     if (!samples_surface(in_.step, i)) return slice.sampled.points_m.push_back(aim_m + way_m);
     const SceneMirror& scene = in_.step.input.scene;
-    const TargetView view{.viewer_m = in_.bound.center_m,
-                        .moved_m = way_m,
-                        .round = in_.step.decision + slice.due.slice,
-                        .count = std::min<size_t>(kPointsOfSlice, static_cast<size_t>(in_.step.input.settings.sample.points))};
+    const TargetView view{
+        .viewer_m = in_.bound.center_m,
+        .moved_m = way_m,
+        .round = in_.step.decision + slice.due.slice,
+        .count = std::min<size_t>(kPointsOfSlice, static_cast<size_t>(in_.step.input.settings.sample.points))};
     std::vector<glm::dvec3>& points_m = slice.sampled.points_m;
     const size_t first = points_m.size();
     add_points(points_m, scratch_.picker.pick(scene, in_.step.targets.pieces[i], view), [&](uint32_t slot) {
@@ -102,7 +112,8 @@ class SlicePicker {
   // The part of a predicted way that leads through no wall.
   glm::dvec3 free_way(const glm::dvec3& from_m, const glm::dvec3& way_m) const {
     if (glm::length(way_m) < 1e-6) return way_m;
-    const double core_m = scratch_.colliders.clearance_m(from_m, 2 * kWalkerM) / 2;  // less where the target touches the ground
+    // less where the target touches the ground
+    const double core_m = scratch_.colliders.clearance_m(from_m, 2 * kWalkerM) / 2;
     return way_m * scratch_.colliders.free_fraction(from_m, from_m + way_m, core_m);
   }
 

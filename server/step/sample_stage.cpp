@@ -35,8 +35,8 @@ Affine world_from_instance_at(const Pose& pose, const Instance& instance) {
   return Affine(linear[0], linear[1], linear[2], pose.position_m);
 }
 
-// The camera's position at the time of the prediction: on the way to its goal, else as it goes on with its velocity. Maps hold only positions
-// in the bound.
+// The camera's position at the time of the prediction: on the way to its goal, else as it goes on with its velocity.
+// Maps hold only positions in the bound.
 glm::dvec3 camera_ahead_m(const SampleInput& in, double ahead_s) {
   const CameraState& camera = in.step.camera;
   glm::dvec3 way_m = camera.velocity_mps * ahead_s;
@@ -77,9 +77,9 @@ class PointPicker {
   void pick_target(size_t i) {
     const Instance& instance = *in_.step.input.scene.find(in_.step.targets.ids[i]);
     const size_t first = now_.points_m.size(), first_ahead = ahead_.points_m.size(), first_sight = now_.sights_m.size();
-    const Affine later =
-        ahead_s_ > 0 ? world_from_instance_at(past_of(in_.pasts, instance.id).predictor.at(ahead_s_).pose, instance)
-                     : instance.world_from_instance;
+    const Affine later = ahead_s_ > 0 ? world_from_instance_at(
+                                            past_of(in_.pasts, instance.id).predictor.at(ahead_s_).pose, instance)
+                                      : instance.world_from_instance;
     if (samples_surface(in_.step, i))
       pick_surface_points(in_.step.targets.pieces[i], instance, later);
     else
@@ -93,13 +93,20 @@ class PointPicker {
   void pick_surface_points(std::span<const TargetPiece> pieces, const Instance& instance, const Affine& later) {
     const double x = random_.next_unit(), y = random_.next_unit();
     const auto now = [&](uint32_t slot) { return in_.step.input.scene.instances()[slot].world_from_instance; };
-    add_points(now_.sights_m, pick(pieces, {.viewer_m = position_on_course_m(in_.step), .blend = glm::dvec2(x, y), .round = in_.step.input.tick}), now);
-    const std::span<const TargetPoint> picked = pick(pieces, {.viewer_m = in_.bound.center_m, .round = in_.step.decision});
+    add_points(
+        now_.sights_m,
+        pick(pieces,
+             {.viewer_m = position_on_course_m(in_.step), .blend = glm::dvec2(x, y), .round = in_.step.input.tick}),
+        now);
+    const std::span<const TargetPoint> picked = pick(pieces,
+                                                     {.viewer_m = in_.bound.center_m, .round = in_.step.decision});
     if (of_points_ > 0) add_points(now_.points_m, picked.first((picked.size() + of_points_ - 1) / of_points_), now);
     if (ahead_s_ <= 0) return;
     // The parts go the way of the target's own instance.
     const Affine way = compose(later, inverse(instance.world_from_instance));
-    const auto then = [&](uint32_t slot) { return &in_.step.input.scene.instances()[slot] == &instance ? later : compose(way, now(slot)); };
+    const auto then = [&](uint32_t slot) {
+      return &in_.step.input.scene.instances()[slot] == &instance ? later : compose(way, now(slot));
+    };
     add_points(ahead_.points_m, picked.first(std::min(kPointsAhead, picked.size())), then);
   }
   void pick_aim_point(const glm::dvec3& aim_m, const Instance& instance, const Affine& later) {
@@ -122,8 +129,8 @@ class PointPicker {
   const double ahead_s_;
 };
 
-// The greatest depth of any position that is looked up in this map. Candidates lie in the bound, and the camera moves by one step at most.
-// Candidates of pair volumes may lie anywhere before their far plane.
+// The greatest depth of any position that is looked up in this map. Candidates lie in the bound, and the camera moves
+// by one step at most. Candidates of pair volumes may lie anywhere before their far plane.
 double far_m(const SampleInput& in, const SamplePlan& plan, const MapView& view) {
   if (plan.pair.used) return std::numeric_limits<double>::infinity();
   const CameraState& camera = in.step.camera;
@@ -164,7 +171,8 @@ void request_all(const SampleInput& in, SamplePlan& plan) {
 PairPlan pair_plan(const StepContext& step) {
   PairPlan pair{.asked = step.input.settings.aggregate.volume == Volume::kPair};
   pair.needs_two = pair.asked && step.target_count() < 2;
-  pair.needs_lattice = pair.asked && !follows_paper(step.input);  // only candidates that keep their places can be planned with
+  // only candidates that keep their places can be planned with
+  pair.needs_lattice = pair.asked && !follows_paper(step.input);
   return pair;
 }
 
@@ -197,7 +205,8 @@ void plan_sights(const StepContext& step, SamplePlan& plan) {
     plan.views.push_back(plan_sight(point_m, position_on_course_m(step)));
 }
 
-glm::dvec2 pick_points(const SampleInput& in, double most_ahead_s, size_t of_points, SampleScratch& scratch, SamplePlan& plan) {
+glm::dvec2 pick_points(const SampleInput& in, double most_ahead_s, size_t of_points, SampleScratch& scratch,
+                       SamplePlan& plan) {
   decide_ahead(in, most_ahead_s, plan);
   PointPicker picker(in, scratch.picker, of_points, plan);
   for (size_t i = 0; i < in.step.target_count(); ++i) picker.pick_target(i);

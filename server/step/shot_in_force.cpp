@@ -11,14 +11,17 @@
 namespace sightline {
 namespace {
 
-// The time constant with which a shot follows the direction of its frame. A person turns faster than a camera should swing round.
+// The time constant with which a shot follows the direction of its frame. A person turns faster than a camera should
+// swing round.
 constexpr double kFrameS = 0.3;
 // The direction of a slower instance says nothing.
 constexpr double kTravelsMps = 0.3;
-// The place of the first picture is kept if it is farther from the middle than the free band, and not so far that it may well be an accident.
+// The place of the first picture is kept if it is farther from the middle than the free band, and not so far that it
+// may well be an accident.
 constexpr double kKeptPlace = 0.15, kFarthestPlace = 0.5;
-// From this elevation on, asked and present, the picture's upper edge keeps its direction: wholly from kAboveBandRad higher on. In a session that never asked for a
-// shot, the first pose must look down more steeply. Where the targets are aside by more than kMostAside of half a picture, the camera turns to them.
+// From this elevation on, asked and present, the picture's upper edge keeps its direction: wholly from kAboveBandRad
+// higher on. In a session that never asked for a shot, the first pose must look down more steeply. Where the targets
+// are aside by more than kMostAside of half a picture, the camera turns to them.
 constexpr double kFromAboveRad = 1.2, kAboveBandRad = 0.1, kSurelyAboveRad = 1.4, kMostAside = 0.9, kAsideBand = 0.4;
 // A subject of this speed gets all of its lead room. The room grows and shrinks with this time constant.
 constexpr double kLeadsAtMps = 1.0, kLeadS = 0.6;
@@ -101,7 +104,8 @@ std::optional<double> frame_yaw_rad(const StepInput& input, const TargetsNow& ta
   return end ? yaw_of(end->center_m - instance->center_m) : std::nullopt;
 }
 
-// The yaw of a frame that begins. Somebody who stands still has the direction of travel that the former shot knew, or else a heading.
+// The yaw of a frame that begins. Somebody who stands still has the direction of travel that the former shot knew, or
+// else a heading.
 double first_yaw_rad(const StepInput& input, const TargetsNow& targets, const ShotFrameState& former) {
   const AskedShot& asked = asked_of(input);
   if (const std::optional<double> yaw_rad = frame_yaw_rad(input, targets)) return *yaw_rad;
@@ -125,7 +129,8 @@ glm::dvec3 lead_of(const StepInput& input, const TargetsNow& targets) {
   const AskedShot& asked = asked_of(input);
   const Instance* instance = asked.lead_room > 0 ? frame_instance(input, targets) : nullptr;
   if (!instance) return glm::dvec3(0.0);
-  const glm::dvec3 along = asked.lead_by_heading ? instance->pose.rotation * asked.front : instance->velocity_mps / kLeadsAtMps;
+  const glm::dvec3 along = asked.lead_by_heading ? instance->pose.rotation * asked.front
+                                                 : instance->velocity_mps / kLeadsAtMps;
   const glm::dvec3 level(along.x, 0.0, along.z);
   return level / std::max(glm::length(level), 1.0);
 }
@@ -135,7 +140,8 @@ void turn_lead(const StepInput& input, const TargetsNow& targets, ShotFrameState
 }
 
 // The wanted place now, in the frame.
-PlaceInFrame wanted_place(const StepInput& input, const TargetsNow& targets, const Subjects& subjects, const ShotFrameState& frame) {
+PlaceInFrame wanted_place(const StepInput& input, const TargetsNow& targets, const Subjects& subjects,
+                          const ShotFrameState& frame) {
   const AskedShot& asked = asked_of(input);
   const double share = asked.blend_s > 0 && !asked.cut ? frame.age_s / asked.blend_s : 1.0;
   const double round_rad = asked.orbit_radps * frame.age_s;
@@ -146,9 +152,12 @@ PlaceInFrame wanted_place(const StepInput& input, const TargetsNow& targets, con
     InlineVector<TrackedTarget, kMaxTargets> steered;
     for (const TrackedTarget& target : targets.tracked_targets)
       if (target.steered()) steered.push_back(target);
-    const std::span<const TrackedTarget> bodies = subjects.empty() ? std::span<const TrackedTarget>(steered.begin(), steered.size())
-                                                                   : std::span<const TrackedTarget>(subjects.begin(), subjects.size());
-    to.distance_m = distance_for_size_m(*asked.size, bodies, middle_m(subjects, targets), angles, frame.yaw_rad, shot_lens(input));
+    const std::span<const TrackedTarget> bodies = subjects.empty()
+                                                      ? std::span<const TrackedTarget>(steered.begin(), steered.size())
+                                                      : std::span<const TrackedTarget>(subjects.begin(),
+                                                                                       subjects.size());
+    to.distance_m = distance_for_size_m(*asked.size, bodies, middle_m(subjects, targets), angles, frame.yaw_rad,
+                                        shot_lens(input));
   }
   PlaceInFrame now = blend(frame.from, to, share);
   now.side_rad += round_rad;
@@ -158,13 +167,15 @@ PlaceInFrame wanted_place(const StepInput& input, const TargetsNow& targets, con
 // A place in the frame. Right above or below, the side is the one from which the picture is upright.
 PlaceInFrame upright_place(const glm::dvec3& offset_m, double frame_yaw_rad, double up_yaw_rad) {
   PlaceInFrame place = place_in_frame(offset_m, frame_yaw_rad);
-  if (!yaw_of(offset_m)) place.side_rad = place_in_frame(offset_in_frame({std::numbers::pi, 0.0, 1.0}, up_yaw_rad), frame_yaw_rad).side_rad;
+  if (!yaw_of(offset_m))
+    place.side_rad = place_in_frame(offset_in_frame({std::numbers::pi, 0.0, 1.0}, up_yaw_rad), frame_yaw_rad).side_rad;
   return place;
 }
 
-// What was not sent is taken from the former shot, relative to its own subjects, and in the first shot from the camera. A blend begins where the former shot's
-// place was.
-void begin(const StepInput& input, const TargetsNow& targets, const CarriedState& carried, const Subjects& subjects, WantedShot& shot) {
+// What was not sent is taken from the former shot, relative to its own subjects, and in the first shot from the camera.
+// A blend begins where the former shot's place was.
+void begin(const StepInput& input, const TargetsNow& targets, const CarriedState& carried, const Subjects& subjects,
+           WantedShot& shot) {
   const AskedShot& asked = asked_of(input);
   const glm::dvec3 from_m = middle_m(subjects, targets), camera_m = carried.camera.pose.position_m;
   const glm::dvec3 former_m = shot.is_set ? shot.asked_offset_m - shot.subjects_m : camera_m - from_m;
@@ -174,10 +185,12 @@ void begin(const StepInput& input, const TargetsNow& targets, const CarriedState
   ShotFrameState begun;
   begun.number = asked.number, begun.lead = frame.lead;
   begun.yaw_rad = first_yaw_rad(input, targets, frame);
-  if (const Instance* instance = frame_instance(input, targets); instance && asked.frame == ShotFrame::kTravel) begun.travels_id = instance->id;
+  if (const Instance* instance = frame_instance(input, targets); instance && asked.frame == ShotFrame::kTravel)
+    begun.travels_id = instance->id;
   begun.to = upright_place(former_m, begun.yaw_rad, shot.up_yaw_rad);
   const double camera_rad = upright_place(camera_m - from_m, begun.yaw_rad, shot.up_yaw_rad).side_rad;
-  begun.to = {asked.side_rad ? first_side_rad(asked, camera_rad) : begun.to.side_rad, asked.height_rad.value_or(begun.to.height_rad), asked.distance_m.value_or(begun.to.distance_m)};
+  begun.to = {asked.side_rad ? first_side_rad(asked, camera_rad) : begun.to.side_rad,
+              asked.height_rad.value_or(begun.to.height_rad), asked.distance_m.value_or(begun.to.distance_m)};
   begun.from = shot.is_set ? upright_place(shot.asked_m - from_m, begun.yaw_rad, shot.up_yaw_rad) : begun.to;
   frame = begun;
 }
@@ -232,7 +245,8 @@ WantedShot shot_in_force(const StepInput& input, const TargetsNow& targets, cons
     shot.frame.now = place;
     shot.frame.now.side_rad = std::remainder(place.side_rad, 2 * std::numbers::pi);
     shot.asked_offset_m = shot.subjects_m + offset_in_frame(place, shot.frame.yaw_rad);
-    shot.up_yaw_rad = yaw_of(-offset_in_frame({place.side_rad, 0.0, 1.0}, shot.frame.yaw_rad)).value_or(shot.up_yaw_rad);
+    shot.up_yaw_rad = yaw_of(-offset_in_frame({place.side_rad, 0.0, 1.0}, shot.frame.yaw_rad))
+                          .value_or(shot.up_yaw_rad);
   }
   shot.asked_m = center_m + shot.asked_offset_m;
   if (!shot.other_viewpoint()) shot.offset_m = shot.asked_offset_m;
@@ -260,7 +274,9 @@ void place_in_picture(const StepInput& input, const WantedShot& shot, double cam
 FramingSettings framing_of(const StepInput& input) {
   FramingSettings framing = input.settings.framing;
   const AskedShot& asked = composed_by(input);
-  if (asked.max_vertical_fov_rad > 0) framing.min_vertical_fov_rad = asked.min_vertical_fov_rad, framing.max_vertical_fov_rad = asked.max_vertical_fov_rad;
+  if (asked.max_vertical_fov_rad > 0)
+    framing.min_vertical_fov_rad = asked.min_vertical_fov_rad,
+    framing.max_vertical_fov_rad = asked.max_vertical_fov_rad;
   return framing;
 }
 
@@ -276,7 +292,8 @@ bool zooms_for_size(const StepInput& input) {
 Lens shot_lens(const StepInput& input) {
   Lens lens = input.lens;
   const AskedShot& asked = composed_by(input);
-  if (zooms_for_size(input)) lens.vertical_fov_rad = std::clamp(lens.vertical_fov_rad, asked.min_vertical_fov_rad, asked.max_vertical_fov_rad);
+  if (zooms_for_size(input))
+    lens.vertical_fov_rad = std::clamp(lens.vertical_fov_rad, asked.min_vertical_fov_rad, asked.max_vertical_fov_rad);
   return lens;
 }
 
@@ -286,13 +303,17 @@ Lens place_lens(const StepContext& step) {
 
 AimRules aim_rules(const StepContext& step) {
   const AskedShot& asked = composed_by(step.input);
-  return {.framing = framing_of(step.input), .dead_zone = asked.dead_zone, .soft_zone = asked.soft_zone, .roll_rad = step.roll_rad()};
+  return {.framing = framing_of(step.input),
+          .dead_zone = asked.dead_zone,
+          .soft_zone = asked.soft_zone,
+          .roll_rad = step.roll_rad()};
 }
 
 std::optional<double> fov_for_size_rad(const StepContext& step, const WantedShot& shot, const glm::dvec3& eye_m) {
   if (!zooms_for_size(step.input)) return std::nullopt;
   const AskedShot& asked = composed_by(step.input);
-  const double asked_m = glm::length(shot.asked_offset_m - shot.subjects_m), now_m = glm::distance(eye_m, step.center_m() + shot.subjects_m);
+  const double asked_m = glm::length(shot.asked_offset_m - shot.subjects_m),
+               now_m = glm::distance(eye_m, step.center_m() + shot.subjects_m);
   const double tangent = std::tan(shot_lens(step.input).vertical_fov_rad / 2) * asked_m / std::max(now_m, 1e-6);
   return std::clamp(2 * std::atan(tangent), asked.min_vertical_fov_rad, asked.max_vertical_fov_rad);
 }
@@ -316,7 +337,8 @@ Aim aim_with_shot(const StepContext& step, const WantedShot& shot, const glm::dv
   const double aside = std::abs(off_place_half_pictures(pose, targets, step.lens).x);
   const double share = above * eased((kMostAside - aside) / kAsideBand);
   if (share <= 0) return plain;
-  rules.fixed_yaw_rad = plain.angles.yaw_rad + share * std::remainder(shot.up_yaw_rad - plain.angles.yaw_rad, 2 * std::numbers::pi);
+  rules.fixed_yaw_rad = plain.angles.yaw_rad +
+                        share * std::remainder(shot.up_yaw_rad - plain.angles.yaw_rad, 2 * std::numbers::pi);
   return aim_at(eye_m, targets, present, step.lens, rules);
 }
 
@@ -337,7 +359,8 @@ uint32_t limits_of(const StepContext& step, const glm::dvec3& asked_m) {
   add(ShotLimit::kMaxElevation, broken.elevation && elevation > settings.max_elevation_rad);
   MoveSettings free = settings;
   free.min_distance_m = 0, free.max_distance_m = kFarthestM, free.min_elevation_rad = -2, free.max_elevation_rad = 2;
-  const glm::dvec3 fitting_m = desired_place_m(step.targets.tracked_targets, asked_m, place_lens(step), step.input.settings.framing.framing_margin, free);
+  const glm::dvec3 fitting_m = desired_place_m(step.targets.tracked_targets, asked_m, place_lens(step),
+                                               step.input.settings.framing.framing_margin, free);
   constexpr double kFitSlack = 1.05;
   add(ShotLimit::kPicture, glm::distance(fitting_m, center_m) > kFitSlack * glm::length(asked_m));
   return limits;
@@ -374,7 +397,8 @@ void name_hider(const StepContext& step, const WantedShot& shot, ShotReport& rep
     const double weight = step.targets.sight_weights[static_cast<size_t>(known - step.targets.ids.begin())];
     report.hidden_share += weight * sight.hidden, all += weight;
     if (weight <= 0) continue;
-    if (step.input.scene.find(sight.by) && sight.hidden > most) most = sight.hidden, report.hidden_by = sight.by, report.hidden_target = sight.target_id;
+    if (step.input.scene.find(sight.by) && sight.hidden > most)
+      most = sight.hidden, report.hidden_by = sight.by, report.hidden_target = sight.target_id;
     name_next_hider(step, sight, report);
   }
   report.hidden_share = all > 0 ? report.hidden_share / all : 0.0;
@@ -391,8 +415,10 @@ glm::dvec2 group_place(const AskedShot& asked, const WantedShot& shot) {
 
 }  // namespace
 
-ShotReport report_shot(const StepContext& step, const WantedShot& shot, const CameraState& camera, const Lens& lens, std::span<const TargetSight> sights) {
-  const glm::dvec3 asked_m = shot.asked_offset_m - shot.subjects_m, now_m = camera.pose.position_m - (step.center_m() + shot.subjects_m);
+ShotReport report_shot(const StepContext& step, const WantedShot& shot, const CameraState& camera, const Lens& lens,
+                       std::span<const TargetSight> sights) {
+  const glm::dvec3 asked_m = shot.asked_offset_m - shot.subjects_m,
+                   now_m = camera.pose.position_m - (step.center_m() + shot.subjects_m);
   ShotReport report;
   report.asked = shot.frame.number != 0 ? shot.frame.now : upright_place(asked_m, shot.frame.yaw_rad, shot.up_yaw_rad);
   report.now = place_in_frame(now_m, shot.frame.yaw_rad);
@@ -401,9 +427,12 @@ ShotReport report_shot(const StepContext& step, const WantedShot& shot, const Ca
   ShotProperties now = shot_from(now_m, lens.vertical_fov_rad);
   now.place_half_pictures = off_place_half_pictures(camera.pose, step.targets.tracked_targets, lens);
   report.off_place = std::max(std::abs(now.place_half_pictures.x), std::abs(now.place_half_pictures.y));
-  report.asked_roll_rad = aim_rules(step).roll_rad, report.roll_rad = angles_from_rotation(camera.pose.rotation).roll_rad;
-  report.roll_deviation = std::min(1.0, std::abs(std::remainder(report.roll_rad - report.asked_roll_rad, 2 * std::numbers::pi)) / kRollLimitRad);
-  report.deviation = up_to_limits(deviation_between(shot_from(asked_m, shot_lens(step.input).vertical_fov_rad), now, shot.tolerance));
+  report.asked_roll_rad = aim_rules(step).roll_rad,
+  report.roll_rad = angles_from_rotation(camera.pose.rotation).roll_rad;
+  report.roll_deviation = std::min(
+      1.0, std::abs(std::remainder(report.roll_rad - report.asked_roll_rad, 2 * std::numbers::pi)) / kRollLimitRad);
+  report.deviation = up_to_limits(
+      deviation_between(shot_from(asked_m, shot_lens(step.input).vertical_fov_rad), now, shot.tolerance));
   report.sight_loss = lost_sight(step, sights);
   report.worth = picture_worth(report.sight_loss, shot_loss(report.deviation, step.input.settings.move.shot));
   report.limits = limits_of(step, shot.asked_offset_m);
@@ -414,14 +443,16 @@ ShotReport report_shot(const StepContext& step, const WantedShot& shot, const Ca
 namespace {
 
 // The instance that hides the eye of a map of a single texel from a place; empty if none does.
-std::optional<uint64_t> hider_of(const StepContext& step, const TakenMaps& taken, uint32_t map, const glm::dvec3& place_m) {
+std::optional<uint64_t> hider_of(const StepContext& step, const TakenMaps& taken, uint32_t map,
+                                 const glm::dvec3& place_m) {
   if (taken.map_falls_short_m(map, place_m) <= 0) return std::nullopt;
   return step.input.scene.instances()[taken.maps[map].occluder_at(0, 0)].id;
 }
 
 // The target's entry, which is made if it is new; null: there is no room.
 AskedSight* sight_of(uint64_t target_id, WantedShot& shot) {
-  const auto known = std::find_if(shot.at_asked.begin(), shot.at_asked.end(), [target_id](const AskedSight& of) { return of.target_id == target_id; });
+  const auto known = std::find_if(shot.at_asked.begin(), shot.at_asked.end(),
+                                  [target_id](const AskedSight& of) { return of.target_id == target_id; });
   if (known != shot.at_asked.end()) return known;
   if (shot.at_asked.size() == kMaxTargets) return nullptr;
   shot.at_asked.push_back({.target_id = target_id, .ahead = {}});
@@ -433,7 +464,9 @@ void pass_time(double passed_s, std::span<const SightAhead> looks, size_t target
   InlineVector<Foreseen, kSlices> kept;
   for (Foreseen foreseen : sight.ahead) {
     foreseen.in_s -= passed_s;
-    const bool again = std::ranges::any_of(looks, [&](const SightAhead& look) { return look.target == target && std::abs(look.ahead_s - foreseen.in_s) < 0.5 * kSliceS; });
+    const bool again = std::ranges::any_of(looks, [&](const SightAhead& look) {
+      return look.target == target && std::abs(look.ahead_s - foreseen.in_s) < 0.5 * kSliceS;
+    });
     if (foreseen.in_s >= 0 && !again) kept.push_back(foreseen);
   }
   sight.ahead = kept;

@@ -11,15 +11,15 @@
 
 #include "server/aggregate/compose.h"
 #include "server/move/choose.h"
+#include "server/move/clearance_cache.h"
 #include "server/move/flight_plan.h"
 #include "server/move/picture_fit.h"
 #include "server/move/route.h"
 #include "server/move/summed_gain.h"
-#include "server/move/clearance_cache.h"
 #include "server/paper/choose_place.h"
 #include "server/paper/groups.h"
-#include "server/step/target_points.h"
 #include "server/step/step.h"
+#include "server/step/target_points.h"
 
 namespace sightline {
 
@@ -36,15 +36,18 @@ struct StepContext {
   double clock_s = 0.0;       // the time that the camera has moved for since the session opened, with this step
 
   size_t target_count() const { return input.targets.size(); }
-  double roll_rad() const { return input.shot && input.settings.move.follow == Follow::kOffset ? input.shot->roll_rad : 0.0; }  // as asked for
+  // as asked for
+  double roll_rad() const {
+    return input.shot && input.settings.move.follow == Follow::kOffset ? input.shot->roll_rad : 0.0;
+  }
   bool is_steered(size_t target) const { return targets.steered >> target & 1u; }
   glm::dvec3 center_m() const { return weighted_center_m(targets.tracked_targets); }  // some target is steered
 };
 
 // The past poses of a target, including the present one. The target must belong to this step.
 const TargetPast& past_of(std::span<const TargetPast> pasts, uint64_t id);
-// kept_before: the mask of the steered targets that are not in an earlier step's list. dropped_ids: the list of the steered targets that
-// are not in a mask.
+// kept_before: the mask of the steered targets that are not in an earlier step's list. dropped_ids: the list of the
+// steered targets that are not in a mask.
 uint32_t kept_before(const TargetsNow& now, const TargetIds& dropped);
 TargetIds dropped_ids(const TargetsNow& now, uint32_t kept);
 // A hash over the ids of the targets in a mask, in any order.
@@ -53,31 +56,37 @@ uint64_t hash_of(const TargetsNow& now, uint32_t mask);
 bool targets_stand(const StepContext& step);
 // The targets' mean velocity, by weight.
 glm::dvec3 group_velocity_mps(const StepContext& step);
-// The radius of the body with the room that a path keeps from walls. So the camera can turn corners without grazing them.
+// The radius of the body with the room that a path keeps from walls. So the camera can turn corners without grazing
+// them.
 double route_radius_m(const StepContext& step);
-// The most tests of triangles (ClearanceField) of one part of a step: some milliseconds. In eight of our scenes none took more than 10,745. So in
-// a scene of very many triangles at one place, no part takes long, and the same answer comes on every machine.
+// The most tests of triangles (ClearanceField) of one part of a step: some milliseconds. In eight of our scenes none
+// took more than 10,745. So in a scene of very many triangles at one place, no part takes long, and the same answer
+// comes on every machine.
 inline constexpr uint64_t kMostTests = 100'000;
 
 // The settings of framing, with the lens range of the shot if it has one.
 FramingSettings framing_of(const StepInput& input);
 // The lens of the shot: the client's; within the lens range where the shot keeps a size by zooming.
 Lens shot_lens(const StepInput& input);
-// The lens by which places are judged, at its present zoom. Where the zoom keeps a size from any place, it is shot_lens.
+// The lens by which places are judged, at its present zoom. Where the zoom keeps a size from any place, it is
+// shot_lens.
 Lens place_lens(const StepContext& step);
 
 // The position that the camera tries to reach. Some target must be steered, unless the camera is to stay where it is.
 glm::dvec3 desired_position_m(const StepContext& step, const WantedShot& shot);
 
 // The depth that a map needs when no position farther than `farthest_m` from its eye is looked up in it.
-inline double beyond_all_m(double farthest_m) { return 1.001 * farthest_m + 0.01; }
+inline double beyond_all_m(double farthest_m) {
+  return 1.001 * farthest_m + 0.01;
+}
 
-// Strategy kMinCost: the goal is where the camera is to be after this time, however it was found. So the goal only moves when the camera
-// changes its mind.
+// Strategy kMinCost: the goal is where the camera is to be after this time, however it was found. So the goal only
+// moves when the camera changes its mind.
 inline constexpr double kGoalS = 0.35;
 // A target whose visible share was smaller of late does not count as seen.
 inline constexpr double kGlimpse = 0.1;
-// The steered targets that the camera itself has seen over the last ShareWindow, wherever they are to the picture. Bit i is target i.
+// The steered targets that the camera itself has seen over the last ShareWindow, wherever they are to the picture. Bit
+// i is target i.
 uint32_t seen_of_late(const StepContext& step, const CarriedState& carried);
 
 // ---- sample (sample_stage.cpp; paper 3.2, 4): plans the maps ----
@@ -96,15 +105,19 @@ struct SampleScratch {
 void plan_sample(const SampleInput& input, SampleScratch& scratch, SamplePlan& plan);
 // Between two decisions: only single rays to where the camera is and will be.
 void plan_sights_alone(const SampleInput& input, SampleScratch& scratch, SamplePlan& plan);
-// Its parts. The points of all targets, now and at the longest usable prediction, which is at most `most_ahead_s`. Maps of the present are taken
-// from one in `of_points` of the points, or from none if that is 0. Returns where in their texels the maps' rays go.
-glm::dvec2 pick_points(const SampleInput& input, double most_ahead_s, size_t of_points, SampleScratch& scratch, SamplePlan& plan);
+// Its parts. The points of all targets, now and at the longest usable prediction, which is at most `most_ahead_s`. Maps
+// of the present are taken from one in `of_points` of the points, or from none if that is 0. Returns where in their
+// texels the maps' rays go.
+glm::dvec2 pick_points(const SampleInput& input, double most_ahead_s, size_t of_points, SampleScratch& scratch,
+                       SamplePlan& plan);
 // Maps of the whole bound from each of these points.
 void plan_maps(const SampleInput& input, const glm::dvec2& jitter, Sampled& sampled, SamplePlan& plan);
 // Single rays from each point to where the camera will be after this step.
 void plan_sights(const StepContext& step, SamplePlan& plan);
-void plan_sights_ahead(SamplePlan& plan);  // sample_slices.cpp: from the predicted points to where the camera is expected then
-// The longest forecast of what the camera will see. People do something else after that time. The plan looks farther ahead.
+// sample_slices.cpp: from the predicted points to where the camera is expected then
+void plan_sights_ahead(SamplePlan& plan);
+// The longest forecast of what the camera will see. People do something else after that time. The plan looks farther
+// ahead.
 inline constexpr double kForecastS = 0.5;
 void plan_flight_maps(const SampleInput& input, SampleScratch& scratch, SamplePlan& plan);  // sample_slices.cpp
 // False if only the target's aim point is sampled.
@@ -146,7 +159,8 @@ bool knows_viewpoints(const StepContext& step, const ViewpointMap& viewpoints);
 
 // The place of the client's shot, within the limits.
 glm::dvec3 asked_place_m(const StepContext& step, const WantedShot& shot);
-// Appends the maps that show all directions from one target, and sights from there to the place of the client's shot, now and at the plan's slices.
+// Appends the maps that show all directions from one target, and sights from there to the place of the client's shot,
+// now and at the plan's slices.
 ViewpointLook plan_look(const SampleInput& input, SamplePlan& plan);
 void request_look(const SampleInput& input, SamplePlan& plan);
 
@@ -167,23 +181,25 @@ struct AggregateInput {
 struct AggregateScratch {
   Composer composer;
   ClearanceCache clearance_cache;
-  PlaceList places;                // the candidates, and then the places of moved cells
+  PlaceList places;  // the candidates, and then the places of moved cells
   HiddenShares hidden_by;
   std::vector<uint8_t> passes;  // by mirror slot: 1 if the instance moves and belongs to no target
   std::vector<uint32_t> off_grid_visible, slots;
   PictureFit picture_fit;
   std::vector<float> shares, outside;  // of one slice, by cell
 };
-void aggregate(const AggregateInput& input, CandidateMemory& memory, AggregateScratch& scratch, CandidateSights& sights);
+void aggregate(const AggregateInput& input, CandidateMemory& memory, AggregateScratch& scratch,
+               CandidateSights& sights);
 // Its parts. The lattice's cells as candidates.
 void list_cells(const Lattice& lattice, CandidateSights& sights);
-// Adds two candidates off the grid: the camera's own position and the desired one. Without them a camera at rest would move between
-// grid points.
+// Adds two candidates off the grid: the camera's own position and the desired one. Without them a camera at rest would
+// move between grid points.
 void add_own_and_desired_position(const AggregateInput& input, CandidateSights& sights);
 uint32_t seen_from_own_position(const StepContext& step, const TakenMaps& taken);
-// Lattice cells keep their history, if `filter` has a mode. The two positions off the lattice take over the history of the nearest cell. `slots` is scratch memory.
-void filter_cells(const StepContext& step, const FilterSettings& filter, CandidateMemory& memory, std::vector<uint32_t>& slots,
-                  CandidateSet& candidates);
+// Lattice cells keep their history, if `filter` has a mode. The two positions off the lattice take over the history of
+// the nearest cell. `slots` is scratch memory.
+void filter_cells(const StepContext& step, const FilterSettings& filter, CandidateMemory& memory,
+                  std::vector<uint32_t>& slots, CandidateSet& candidates);
 
 // ---- move (move_stage.cpp; paper 3.4, 6): where to, how fast, and which way to look? ----
 
@@ -195,7 +211,8 @@ struct MoveInput {
   const CandidateSights& sights;
   const Surroundings& surroundings;
   glm::dvec3 desired_m{0.0};  // as for aggregate
-  uint32_t seen_here = 0;     // the targets that are seen from where the camera is, wherever they are to the picture; bit i is target i
+  // the targets that are seen from where the camera is, wherever they are to the picture; bit i is target i
+  uint32_t seen_here = 0;
 };
 struct MoveScratch {
   std::vector<glm::ivec3> cells;  // of the candidates
@@ -211,9 +228,9 @@ struct MoveScratch {
   std::vector<float> clearance_m;  // by candidate: to static colliders; 0 where a mover is expected
   FlightPlanner planner;
   RouteFinder routes;
-  std::vector<float> outside;  // by cell of the planner: the cost of being outside the limits
-  std::vector<uint32_t> way;  // the candidates on the way to the goal
-  double way_m = 0;           // length of the way to the chosen candidate, whichever strategy chose it
+  std::vector<float> outside;      // by cell of the planner: the cost of being outside the limits
+  std::vector<uint32_t> way;       // the candidates on the way to the goal
+  double way_m = 0;                // length of the way to the chosen candidate, whichever strategy chose it
   ClearanceField trail_colliders;  // also of cuts
   FarWayFinder far_ways;
   ClearanceField far_colliders;
@@ -237,7 +254,8 @@ Decision go_on(const MoveInput& input);
 
 bool follows_paper(const StepInput& input);
 void plan_paper_maps(const SampleInput& input, SampleScratch& scratch, SamplePlan& plan);
-void aggregate_paper(const AggregateInput& input, CandidateMemory& memory, AggregateScratch& scratch, CandidateSights& sights);
+void aggregate_paper(const AggregateInput& input, CandidateMemory& memory, AggregateScratch& scratch,
+                     CandidateSights& sights);
 Course paper_course(const MoveInput& input, MoveScratch& scratch, Decision& decision);
 
 // ---- cuts (cut_stage.cpp; Settings.cut_after_s): is there a place to jump to? ----
@@ -252,15 +270,16 @@ struct CutScratch {
   ClearanceField colliders;
 };
 // If a cut is due, adds places and the maps of their sights to a plan that plan_sample has made.
-void plan_cut(const SampleInput& input, const CarriedState& carried, bool target_jumped, TargetPicker& picker, CutScratch& scratch,
-              SamplePlan& plan);
+void plan_cut(const SampleInput& input, const CarriedState& carried, bool target_jumped, TargetPicker& picker,
+              CutScratch& scratch, SamplePlan& plan);
 // The place to jump to instead of following the decision; null: none. Keeps count of the places in `state`.
 const CutPlace* choose_cut(const MoveInput& input, const TakenMaps& taken, bool target_jumped, const Decision& decision,
                            MoveScratch& scratch, CutState& state);
 // Changes the decision into a cut to `place`, and the shot into the one from there.
-void cut_to(const MoveInput& input, const TakenMaps& taken, const CutPlace& place, MoveScratch& scratch, WantedShot& shot,
-            Decision& decision);
-// Returns whether a target's jump still asks for a cut: none was taken, the shot is far away, and not all places were examined yet.
+void cut_to(const MoveInput& input, const TakenMaps& taken, const CutPlace& place, MoveScratch& scratch,
+            WantedShot& shot, Decision& decision);
+// Returns whether a target's jump still asks for a cut: none was taken, the shot is far away, and not all places were
+// examined yet.
 bool jump_waits(const MoveInput& input, bool target_jumped);
 // Counts the time without a sight of any required target.
 // `is_asked`: the shot may still cut (WantedShot::cut_s).
@@ -270,12 +289,13 @@ void note_sights(const StepContext& step, const StepResult& result, bool target_
 
 // The length of a way over candidates.
 double way_length_m(const MoveInput& input, const glm::dvec3& from_m, std::span<const uint32_t> way);
-// Roughly the farthest candidate of the way that the body can reach in a straight line. The first one counts as reachable, because
-// every way begins with a leg that the body can take.
+// Roughly the farthest candidate of the way that the body can reach in a straight line. The first one counts as
+// reachable, because every way begins with a leg that the body can take.
 Leg first_leg(const MoveInput& input, std::span<const uint32_t> way, double body_radius_m);
 // The newest reachable position of the targets' trail; empty if none is reachable.
 std::optional<Leg> leg_to_trail(const MoveInput& input, double body_radius_m, ClearanceField& field);
-// `with_mps` and a velocity towards the end of the leg that is no faster than allows the camera to stop at the end of the way.
+// `with_mps` and a velocity towards the end of the leg that is no faster than allows the camera to stop at the end of
+// the way.
 glm::dvec3 velocity_along(const StepContext& step, const Leg& leg, const glm::dvec3& with_mps, const Pace& pace = {});
 
 // The velocity by which a decision is carried out in a later step.
@@ -290,16 +310,16 @@ inline constexpr double kAllHidden = 0.999;
 
 struct Goal {
   Choice choice;
-  glm::dvec3 position_m{0.0};   // where the camera heads for
-  glm::dvec3 velocity_mps{0.0};  // that leads there
-  Tracking tracking = {};        // the same for later steps
-  bool follows = false;          // it heads for the desired position
+  glm::dvec3 position_m{0.0};                        // where the camera heads for
+  glm::dvec3 velocity_mps{0.0};                      // that leads there
+  Tracking tracking = {};                            // the same for later steps
+  bool follows = false;                              // it heads for the desired position
   InlineVector<PlanPoint, kSlices + 2> plan_m = {};  // as Decision::plan_m
   bool searches = false;  // no place on its plan sees any target: it goes to the nearest that does
   bool lost = false;      // none that it can reach does
   BlindState blind = {};
   std::optional<SummedGain> change = {};  // as Decision::change
-  std::optional<double> way_m = {};  // length of a far way that it takes
+  std::optional<double> way_m = {};       // length of a far way that it takes
   ComparedCourses courses = {};
   HeldFacts facts = {};
 };

@@ -56,7 +56,8 @@ Bound reachable_bound(const StepContext& step, double horizon_s) {
 glm::dvec3 desired_position_m(const StepContext& step, const WantedShot& shot) {
   const MoveSettings& settings = step.input.settings.move;
   if (settings.follow == Follow::kStay) return step.camera.pose.position_m;
-  return desired_place_m(step.targets.tracked_targets, shot.shown_offset_m(), place_lens(step), step.input.settings.framing.framing_margin, settings);
+  return desired_place_m(step.targets.tracked_targets, shot.shown_offset_m(), place_lens(step),
+                         step.input.settings.framing.framing_margin, settings);
 }
 
 double route_radius_m(const StepContext& step) {
@@ -79,8 +80,15 @@ struct Stepper::Work {
   StepContext context(const TargetsNow& targets, const CameraState& camera, const DecisionInForce& last) const {
     Lens lens = input->lens;
     lens.vertical_fov_rad = opening.zoom.vertical_fov_rad;
-    return {.input = *input, .targets = targets, .camera = camera, .lens = lens, .move_s = opening.move_s, .decides = opening.decides,
-            .decision_s = opening.decision_s, .decision = opening.decision, .clock_s = last.clock_s + opening.move_s};
+    return {.input = *input,
+            .targets = targets,
+            .camera = camera,
+            .lens = lens,
+            .move_s = opening.move_s,
+            .decides = opening.decides,
+            .decision_s = opening.decision_s,
+            .decision = opening.decision,
+            .clock_s = last.clock_s + opening.move_s};
   }
   StageTimer time(const StageClock& clock, Stage stage) { return {clock, stage, stage_ns}; }
 };
@@ -134,7 +142,8 @@ StepResult Stepper::finish(const StageClock& clock) {
   const TakenMaps taken{dump_.plan, dump_.maps, work.input->settings.aggregate};
   // Nothing can fail from here on, so the changes of `begin` are stored now.
   const WantedShot& opened = work.opening.shot;
-  if (opened.frame.number != carried_.shot.frame.number || opened.target_set != carried_.shot.target_set) carried_.in_force.facts = {};
+  if (opened.frame.number != carried_.shot.frame.number || opened.target_set != carried_.shot.target_set)
+    carried_.in_force.facts = {};
   carried_.zoom = work.opening.zoom;
   carried_.shot = work.opening.shot;
   carried_.given_up = work.opening.given_up;
@@ -151,7 +160,8 @@ StepResult Stepper::finish(const StageClock& clock) {
       watch_asked_place(step, taken, carried_.shot);
       line_up_shot(step, carried_.viewpoints, carried_.shot);
     }
-    dump_.new_shot = carried_.shot.other_viewpoint() != before.other_viewpoint() || carried_.shot.in_line_m.has_value() != before.in_line_m.has_value();
+    dump_.new_shot = carried_.shot.other_viewpoint() != before.other_viewpoint() ||
+                     carried_.shot.in_line_m.has_value() != before.in_line_m.has_value();
     if (step.targets.steered != 0) desired_m = desired_position_m(step, carried_.shot);
     if (step.decides)
       aggregate({step, dump_.bound, taken, desired_m}, carried_.candidates, work.aggregate, dump_.sights);
@@ -182,12 +192,15 @@ StepResult Stepper::finish(const StageClock& clock) {
   carried_.not_aimed_at = dump_.decision.not_aimed_at;
   // A target that is no longer given up is aimed at when it can be shown.
   for (const uint64_t id : carried_.given_up)
-    if (std::ranges::find(carried_.not_aimed_at, id) == carried_.not_aimed_at.end()) carried_.not_aimed_at.push_back(id);
+    if (std::ranges::find(carried_.not_aimed_at, id) == carried_.not_aimed_at.end())
+      carried_.not_aimed_at.push_back(id);
 
   keep_decision(step);
-  StepResult result = report_step({*work.input, dump_, taken, carried_.pasts, carried_.given_up, carried_.in_force.seen}, carried_.shares);
+  StepResult result = report_step(
+      {*work.input, dump_, taken, carried_.pasts, carried_.given_up, carried_.in_force.seen}, carried_.shares);
   if (step.targets.steered != 0 && work.input->settings.move.follow == Follow::kOffset)
-    result.shot = report_shot(step, carried_.shot, result.camera, picture_lens(step, result), {result.targets.begin(), result.targets.size()});
+    result.shot = report_shot(step, carried_.shot, result.camera, picture_lens(step, result),
+                              {result.targets.begin(), result.targets.size()});
   note_sights(step, result, work.opening.target_jumped, carried_.shot.cut_s > 0, carried_.cut);
   result.stage_ns = work.stage_ns;
   return result;
@@ -203,8 +216,10 @@ void Stepper::keep_decision(const StepContext& step) {
     kept.age_s = 0.0, kept.is_due = decision.cut;
     kept.made = step.target_count() > 0 ? kept.made + 1 : 0;
     kept.tracking = decision.tracking;
-    kept.status = decision.status, kept.reason = decision.course_reason, kept.courses = decision.courses, kept.facts = decision.facts;
-    kept.view_way_m = decision.view_way_m, kept.sees_none = decision.sees_none, kept.nearest_view_m = decision.nearest_view_m;
+    kept.status = decision.status, kept.reason = decision.course_reason, kept.courses = decision.courses,
+    kept.facts = decision.facts;
+    kept.view_way_m = decision.view_way_m, kept.sees_none = decision.sees_none,
+    kept.nearest_view_m = decision.nearest_view_m;
   }
   kept.counts = dump_.sights.counts;
   kept.target_ids.clear();

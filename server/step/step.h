@@ -1,8 +1,9 @@
-// One step of Sightline. READ THIS FIRST: the method is the bodies of `Stepper::begin` and `Stepper::finish` in step.cpp,
+// One step of Sightline. READ THIS FIRST: the method is the bodies of `Stepper::begin` and `Stepper::finish` in
+// step.cpp,
 //   bound -> sample -> aggregate -> move    (paper sections 3.1 - 3.4).
 //
-// A step is a pure function of the carried state and the inputs: it reads no clock, no random device and no global. The same state
-// and inputs give the same result, bit for bit, on one sampler.
+// A step is a pure function of the carried state and the inputs: it reads no clock, no random device and no global. The
+// same state and inputs give the same result, bit for bit, on one sampler.
 //   carried_state.h  the state that is carried from step to step
 //   step_dump.h      the results that each stage hands to the next
 #pragma once
@@ -49,8 +50,9 @@ struct StepInput {
   // The sample table of each target's shape. If the list is empty, or an entry is null, only the target's aim point is
   // sampled.
   std::span<const ExtentTable* const> extents = {};
-  // The sample tables of the parts' shapes: those of the first target, in the order of its part_ids, then those of the second, and so
-  // on. The entry of a part that the scene does not hold is null. If the list is empty, no part is sampled.
+  // The sample tables of the parts' shapes: those of the first target, in the order of its part_ids, then those of the
+  // second, and so on. The entry of a part that the scene does not hold is null. If the list is empty, no part is
+  // sampled.
   std::span<const ExtentTable* const> part_extents = {};
   const AskedShot* shot = nullptr;  // the client's shot; null: it has sent none
 };
@@ -70,10 +72,11 @@ inline constexpr size_t kMaxOcclusions = 8;  // of one target: those that hide m
 
 // The expected view of a target when the time of the prediction has passed, if the camera goes on as now.
 struct SightForecast {
-  double ahead_s = 0.0;           // time of the prediction
-  double share = 0.0;             // expected share of the target that is visible then, [0, 1]
-  double confidence = 0.0;        // of the prediction of this target's motion, [0, 1] (see MotionPredictor::confidence)
-  std::optional<double> loss_s;   // time until the target's share falls below the visibility threshold; empty: it does not within ahead_s
+  double ahead_s = 0.0;     // time of the prediction
+  double share = 0.0;       // expected share of the target that is visible then, [0, 1]
+  double confidence = 0.0;  // of the prediction of this target's motion, [0, 1] (see MotionPredictor::confidence)
+  // time until the target's share falls below the visibility threshold; empty: it does not within ahead_s
+  std::optional<double> loss_s;
 };
 
 struct TargetSight {
@@ -85,7 +88,8 @@ struct TargetSight {
   double picture_share = 0.0;     // part of the target's image that lies inside the picture, hidden or not, [0, 1]
   bool filtered_visible = false;  // visible from the camera's position after the temporal filter
   bool in_picture = false;        // the aim point is
-  bool given_up = false;          // the camera does not try to show it, because it stands too far apart from other targets
+  // the camera does not try to show it, because it stands too far apart from other targets
+  bool given_up = false;
   double distance_m = 0.0;
   InlineVector<Occlusion, kMaxOcclusions> occlusions;  // greatest share first; of equal ones the lower mirror slot
   std::optional<SightForecast> forecast;               // empty: nothing is predicted in this step
@@ -98,28 +102,31 @@ enum class ShotLimit { kMinDistance, kMaxDistance, kMinElevation, kMaxElevation,
 // The shot in force, and what of it the returned pose gives up (contract: ShotReport).
 struct ShotReport {
   PlaceInFrame asked, now;
-  ShotDeviation deviation;       // each at most 1
+  ShotDeviation deviation;                      // each at most 1
   double asked_roll_rad = 0.0, roll_rad = 0.0;  // as ViewAngles::roll_rad
   double roll_deviation = 0.0;                  // [0, 1]
-  glm::dvec2 group_place{0.0};   // where all targets together are wanted in the picture: by the shot, or as in the first picture; half pictures
-  double off_place = 0.0;        // half pictures; infinite with a target behind the camera
+  // where all targets together are wanted in the picture: by the shot, or as in the first picture; half pictures
+  glm::dvec2 group_place{0.0};
+  double off_place = 0.0;  // half pictures; infinite with a target behind the camera
   double sight_loss = 0.0, worth = 0.0;
-  uint32_t limits = 0;           // bit i: ShotLimit i is broken at the place of the shot
-  double hidden_share = 0.0;     // of the targets from the place of the shot, lately
+  uint32_t limits = 0;        // bit i: ShotLimit i is broken at the place of the shot
+  double hidden_share = 0.0;  // of the targets from the place of the shot, lately
   uint64_t hidden_by = 0, hidden_target = 0;
-  glm::dvec3 place_m{0.0};       // of the shot, within the limits; world
-  uint64_t soon_by = 0;          // the instance that is expected to hide a target from there next; 0: none is expected to
-  uint64_t soon_target = 0;      // that target
-  double soon_s = 0.0;           // when, from now, [0, 1.2]
+  glm::dvec3 place_m{0.0};  // of the shot, within the limits; world
+  // the instance that is expected to hide a target from there next; 0: none is expected to
+  uint64_t soon_by = 0;
+  uint64_t soon_target = 0;  // that target
+  double soon_s = 0.0;       // when, from now, [0, 1.2]
 };
 
 struct StepFlags {
   bool dt_capped = false;      // dt was over kMaxStepS: the camera moved for kMaxStepS
   bool used_cube_map = false;  // cube faces were taken for some target
-  bool body_overlap = false;       // the body touches a collider or is inside one
-  bool evading = false;            // the camera moves aside for a moving collider
-  bool deflected = false;          // colliders changed or stopped the camera's motion
-  bool new_shot = false;           // the camera keeps another shot: the viewpoint search chose it, or targets are far apart
+  bool body_overlap = false;   // the body touches a collider or is inside one
+  bool evading = false;        // the camera moves aside for a moving collider
+  bool deflected = false;      // colliders changed or stopped the camera's motion
+  // the camera keeps another shot: the viewpoint search chose it, or targets are far apart
+  bool new_shot = false;
   bool distance_given_up = false;  // the returned pose breaks a limit of distance (BrokenLimits)
   bool elevation_given_up = false;
 };
@@ -140,7 +147,7 @@ struct StepResult {
   bool pair_needs_lattice = false;  // the strategy or the filter needs candidates that keep their places
   PairGap pair_gap = PairGap::kNone;
   InlineVector<TargetSight, kMaxTargets> targets;  // in the order of the input
-  std::optional<ShotReport> shot;  // empty: no target is steered, or no shot is kept
+  std::optional<ShotReport> shot;                  // empty: no target is steered, or no shot is kept
   int chosen_candidate = -1;
   bool cut = false;  // the camera jumped (MoveReason::kCut)
   StepFlags flags;

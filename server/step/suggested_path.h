@@ -17,8 +17,8 @@ class RecentTrack {
 
   // Begins again with one value.
   void start(const Value& value);
-  // Adds the value `dt_s` seconds after the newest one; without a lapse of time it is taken to be the same. Values closer than kApartS in time replace each other; the
-  // newest one is always kept.
+  // Adds the value `dt_s` seconds after the newest one; without a lapse of time it is taken to be the same. Values
+  // closer than kApartS in time replace each other; the newest one is always kept.
   void pass(const Value& value, double dt_s);
 
   size_t count() const { return entries_.size(); }
@@ -42,7 +42,9 @@ struct SuggestedPath {
   RecentTrack<glm::dquat> rotation;
 
   void start(const Pose& pose) { position_m.start(pose.position_m), rotation.start(pose.rotation); }
-  void pass(const Pose& pose, double dt_s) { position_m.pass(pose.position_m, dt_s), rotation.pass(pose.rotation, dt_s); }
+  void pass(const Pose& pose, double dt_s) {
+    position_m.pass(pose.position_m, dt_s), rotation.pass(pose.rotation, dt_s);
+  }
 };
 
 // The vector from the nearest point of the track to a position; the track must not be empty.

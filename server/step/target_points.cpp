@@ -23,7 +23,8 @@ Affine placed(const Instance& instance, const std::optional<glm::dvec3>& moved_m
   return world_from_mesh;
 }
 
-std::span<const glm::vec3> points_for(const ExtentTable& table, const glm::dvec3& viewer_mesh_m, const TargetView& view) {
+std::span<const glm::vec3> points_for(const ExtentTable& table, const glm::dvec3& viewer_mesh_m,
+                                      const TargetView& view) {
   return view.blend ? table.points_blended(viewer_mesh_m, *view.blend) : table.points(viewer_mesh_m);
 }
 
@@ -38,7 +39,8 @@ bool touches_line(const glm::dvec3& center_m, double radius_m, const glm::dvec3&
 }  // namespace
 
 size_t sampled_pieces(std::span<const TargetPiece> pieces) {
-  return static_cast<size_t>(std::ranges::count_if(pieces, [](const TargetPiece& piece) { return piece.table != nullptr; }));
+  return static_cast<size_t>(
+      std::ranges::count_if(pieces, [](const TargetPiece& piece) { return piece.table != nullptr; }));
 }
 
 // An affine map multiplies the area of a parallel image by its determinant over its stretch along the line of sight.
@@ -49,10 +51,12 @@ double shown_area(const Instance& instance, const ExtentTable& table, const glm:
   const double stretch = glm::length(away_m) / std::max(glm::length(along_m), 1e-9);
   const double distance_m = std::max({glm::length(away_m), instance.radius_m, 1e-9});
   const double volume = std::abs(glm::determinant(glm::dmat3(map[0], map[1], map[2])));
-  return table.area_of_view_m2(table.view_index(viewer_mesh_m)) * volume / std::max(stretch, 1e-9) / (distance_m * distance_m);
+  return table.area_of_view_m2(table.view_index(viewer_mesh_m)) * volume / std::max(stretch, 1e-9) /
+         (distance_m * distance_m);
 }
 
-std::span<const TargetPoint> TargetPicker::pick(const SceneMirror& scene, std::span<const TargetPiece> pieces, const TargetView& view) {
+std::span<const TargetPoint> TargetPicker::pick(const SceneMirror& scene, std::span<const TargetPiece> pieces,
+                                                const TargetView& view) {
   picked_.clear();
   const auto sampled = std::ranges::find_if(pieces, [](const TargetPiece& piece) { return piece.table != nullptr; });
   assert(sampled != pieces.end());
@@ -65,11 +69,13 @@ std::span<const TargetPoint> TargetPicker::pick(const SceneMirror& scene, std::s
 
 void TargetPicker::pick_of_one(const SceneMirror& scene, const TargetPiece& piece, const TargetView& view) {
   const Affine mesh_from_world = inverse(placed(scene.instances()[piece.slot], view.moved_m));
-  pick_points(points_for(*piece.table, transform_point(mesh_from_world, view.viewer_m), view), view.round, view.count, run_);
+  pick_points(points_for(*piece.table, transform_point(mesh_from_world, view.viewer_m), view), view.round, view.count,
+              run_);
   for (const glm::vec3& at_m : run_) picked_.push_back({piece.slot, at_m});
 }
 
-void TargetPicker::pick_of_several(const SceneMirror& scene, std::span<const TargetPiece> pieces, const TargetView& view) {
+void TargetPicker::pick_of_several(const SceneMirror& scene, std::span<const TargetPiece> pieces,
+                                   const TargetView& view) {
   const double all = place(scene, pieces, view);
   for (uint64_t tried = 0; picked_.size() < view.count; ++tried) {
     const double area = spread_unit(view.round * view.count + tried) * all;
@@ -77,7 +83,8 @@ void TargetPicker::pick_of_several(const SceneMirror& scene, std::span<const Tar
     Placed& piece = found != placed_.end() ? *found : placed_.back();  // no piece shows anything
     const glm::vec3 at_m = piece.points[(piece.first + piece.taken++) % piece.points.size()];
     const bool may_be_hidden = tried < kTriesPerPoint * view.count;
-    if (may_be_hidden && is_hidden(piece, transform_point(piece.world_from_mesh, glm::dvec3(at_m)), view.viewer_m)) continue;
+    if (may_be_hidden && is_hidden(piece, transform_point(piece.world_from_mesh, glm::dvec3(at_m)), view.viewer_m))
+      continue;
     picked_.push_back({piece.slot, at_m});
   }
 }
@@ -99,10 +106,11 @@ double TargetPicker::place(const SceneMirror& scene, std::span<const TargetPiece
     piece.area_until = all += shown_area(instance, *table, viewer_mesh_m);
   }
   // As pick_points: every round begins after the points that the former round took.
-  for (double before = 0; Placed& piece : placed_) {
+  for (double before = 0; Placed & piece : placed_) {
     const double share = all > 0 ? (piece.area_until - before) / all : 0.0;
     before = piece.area_until;
-    piece.first = view.round % piece.points.size() * static_cast<size_t>(std::ceil(share * static_cast<double>(view.count)));
+    piece.first = view.round % piece.points.size() *
+                  static_cast<size_t>(std::ceil(share * static_cast<double>(view.count)));
   }
   return all;
 }

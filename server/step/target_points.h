@@ -1,4 +1,5 @@
-// The sampled points of a target, which may consist of several pieces: its own instance and its parts. Internal to this folder.
+// The sampled points of a target, which may consist of several pieces: its own instance and its parts. Internal to this
+// folder.
 #pragma once
 
 #include <cstdint>
@@ -30,14 +31,15 @@ struct TargetView {
 
 // Picks points of one target after another. Once its memory has grown, it allocates nothing.
 //
-// A single piece has the points of its table. Points of several pieces are spread over their common image. Each by itself is distributed
-// about uniformly over what the viewer would see of the target alone. So a piece has points in proportion to the area that it shows,
-// and a point that another piece hides is replaced by another point.
+// A single piece has the points of its table. Points of several pieces are spread over their common image. Each by
+// itself is distributed about uniformly over what the viewer would see of the target alone. So a piece has points in
+// proportion to the area that it shows, and a point that another piece hides is replaced by another point.
 class TargetPicker {
  public:
-  // Exactly `count` points; from a single piece no more than its table has. Valid until the next call. At least one piece must have a
-  // table; those without one are left out.
-  std::span<const TargetPoint> pick(const SceneMirror& scene, std::span<const TargetPiece> pieces, const TargetView& view);
+  // Exactly `count` points; from a single piece no more than its table has. Valid until the next call. At least one
+  // piece must have a table; those without one are left out.
+  std::span<const TargetPoint> pick(const SceneMirror& scene, std::span<const TargetPiece> pieces,
+                                    const TargetView& view);
 
  private:
   // A piece, placed for the view.
@@ -63,7 +65,8 @@ class TargetPicker {
 
 // The number of pieces that have a table.
 size_t sampled_pieces(std::span<const TargetPiece> pieces);
-// About the solid angle that an instance fills, in steradians. A viewer inside its bounding sphere is taken to be as far away as that is large.
+// About the solid angle that an instance fills, in steradians. A viewer inside its bounding sphere is taken to be as
+// far away as that is large.
 double shown_area(const Instance& instance, const ExtentTable& table, const glm::dvec3& viewer_mesh_m);
 
 }  // namespace sightline

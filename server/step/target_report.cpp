@@ -1,4 +1,5 @@
-// Describes a target besides its shares: the instances that hide it, its part inside the picture, and its expected visibility.
+// Describes a target besides its shares: the instances that hide it, its part inside the picture, and its expected
+// visibility.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -25,14 +26,15 @@ void count_hidden_point(uint32_t slot, SlotCounts& counts) {
 
 // ---- the picture ----
 
-// Distance from a sphere's centre to the nearest side of the picture's frustum, in radii, positive inside. From 1 on the
-// whole sphere is inside; at -1 and below it is outside.
+// Distance from a sphere's centre to the nearest side of the picture's frustum, in radii, positive inside. From 1 on
+// the whole sphere is inside; at -1 and below it is outside.
 double inside_radii(const Pose& pose, const Lens& lens, const glm::dvec3& center_m, double radius_m) {
   const glm::dvec3 p = inverse_transform_point(pose, center_m);
   const auto inside_m = [&](double aside, double half_rad) {
     return -p.z * std::sin(half_rad) - std::abs(aside) * std::cos(half_rad);
   };
-  const double least_m = std::min(inside_m(p.x, half_horizontal_fov_rad(lens)), inside_m(p.y, lens.vertical_fov_rad / 2));
+  const double least_m = std::min(inside_m(p.x, half_horizontal_fov_rad(lens)),
+                                  inside_m(p.y, lens.vertical_fov_rad / 2));
   return least_m / std::max(radius_m, 1e-9);
 }
 
@@ -58,7 +60,8 @@ bool sees_point(const TakenMaps& taken, const Sampled& sampled, uint32_t point, 
 double share_of(const TakenMaps& taken, const Sampled& sampled, size_t target, const glm::dvec3& position_m) {
   const MapRange& points = sampled.points_of_target[target];
   uint32_t seen = 0;
-  for (uint32_t k = points.first; k < points.first + points.count; ++k) seen += sees_point(taken, sampled, k, position_m);
+  for (uint32_t k = points.first; k < points.first + points.count; ++k)
+    seen += sees_point(taken, sampled, k, position_m);
   return points.count > 0 ? static_cast<double>(seen) / points.count : 0.0;
 }
 
@@ -81,8 +84,8 @@ void list_occlusions(const ReportInput& step, size_t target, TargetSight& sight)
     return std::tie(b.points, a.slot) < std::tie(a.points, b.slot);
   });
   for (size_t i = 0; i < std::min(counts.size(), kMaxOcclusions); ++i)
-    sight.occlusions.push_back({step.input.scene.instances()[counts[i].slot].id,
-                                static_cast<double>(counts[i].points) / sights.count});
+    sight.occlusions.push_back(
+        {step.input.scene.instances()[counts[i].slot].id, static_cast<double>(counts[i].points) / sights.count});
 }
 
 double picture_share(const ReportInput& step, size_t target, const Lens& lens) {
@@ -110,8 +113,7 @@ std::optional<SightForecast> forecast_sight(const ReportInput& step, size_t targ
   forecast.ahead_s = ahead_s;
   forecast.share = share_of(step.taken, step.taken.plan.ahead, target, step.taken.plan.camera_ahead_m);
   forecast.confidence = past_of(step.pasts, step.dump.targets.ids[target]).predictor.confidence(ahead_s);
-  forecast.loss_s =
-      time_of_loss_s(present_share, forecast.share, step.taken.settings.visibility_threshold, ahead_s);
+  forecast.loss_s = time_of_loss_s(present_share, forecast.share, step.taken.settings.visibility_threshold, ahead_s);
   return forecast;
 }
 

@@ -12,12 +12,14 @@ namespace {
 // A target slower than this counts as standing.
 constexpr double kStandingMps = 0.2;
 
-// Takes the world box of an instance into the extents of a target's body. The box of a thing that turns swings, so its two sides are averaged.
+// Takes the world box of an instance into the extents of a target's body. The box of a thing that turns swings, so its
+// two sides are averaged.
 void include(const Instance& instance, TrackedTarget& view) {
   const Aabb& bounds = instance.geometry->bounds;
   const glm::dvec3 from_aim_m = transform_point(instance.world_from_instance, glm::dvec3(bounds.center())) - view.aim_m;
   glm::dvec3 half_m(0.0);
-  for (int axis = 0; axis < 3; ++axis) half_m += glm::abs(instance.world_from_instance[axis]) * static_cast<double>(bounds.half_extent()[axis]);
+  for (int axis = 0; axis < 3; ++axis)
+    half_m += glm::abs(instance.world_from_instance[axis]) * static_cast<double>(bounds.half_extent()[axis]);
   view.low_m = std::max(view.low_m, half_m.y - from_aim_m.y);
   view.high_m = std::max(view.high_m, half_m.y + from_aim_m.y);
   view.aside_m = std::max(view.aside_m, std::hypot(from_aim_m.x, from_aim_m.z) + (half_m.x + half_m.z) / 2);
@@ -45,8 +47,8 @@ void add_slot(const SceneMirror& scene, uint64_t id, std::vector<uint32_t>& slot
   if (const auto slot = scene.slot_of(id)) slots.push_back(*slot);
 }
 
-// Skips ids that the mirror no longer holds, because a part or an attached instance may be removed before the client sends a
-// new list.
+// Skips ids that the mirror no longer holds, because a part or an attached instance may be removed before the client
+// sends a new list.
 void list_ignored_slots(const SceneMirror& scene, const Target& target, std::vector<uint32_t>& slots) {
   slots.clear();
   add_slot(scene, target.instance_id, slots);
@@ -57,16 +59,19 @@ void list_ignored_slots(const SceneMirror& scene, const Target& target, std::vec
   slots.erase(std::unique(slots.begin(), slots.end()), slots.end());
 }
 
-// Lists the target's own instance and its parts, without those that the mirror no longer holds and those that are switched off. The
-// own instance alone counts even then. `part_extents` are those of this target, or empty.
-void list_pieces(const StepInput& input, size_t target, std::span<const ExtentTable* const> part_extents, std::vector<TargetPiece>& pieces) {
+// Lists the target's own instance and its parts, without those that the mirror no longer holds and those that are
+// switched off. The own instance alone counts even then. `part_extents` are those of this target, or empty.
+void list_pieces(const StepInput& input, size_t target, std::span<const ExtentTable* const> part_extents,
+                 std::vector<TargetPiece>& pieces) {
   pieces.clear();
   const Target& of = input.targets[target];
-  const TargetPiece own{*input.scene.slot_of(of.instance_id), target < input.extents.size() ? input.extents[target] : nullptr};
+  const TargetPiece own{*input.scene.slot_of(of.instance_id),
+                        target < input.extents.size() ? input.extents[target] : nullptr};
   if (of.part_ids.empty()) return pieces.push_back(own);
   if (input.scene.instances()[own.slot].attributes.visible) pieces.push_back(own);
   for (size_t j = 0; j < of.part_ids.size(); ++j)
-    if (const auto slot = input.scene.slot_of(of.part_ids[j]); slot && input.scene.instances()[*slot].attributes.visible)
+    if (const auto slot = input.scene.slot_of(of.part_ids[j]);
+        slot && input.scene.instances()[*slot].attributes.visible)
       pieces.push_back({*slot, j < part_extents.size() ? part_extents[j] : nullptr});
   if (pieces.empty()) pieces.push_back(own);
 }
@@ -111,8 +116,8 @@ void observe_targets(const StepInput& input, const std::vector<TargetPast>& befo
   now.clear();
   for (const Target& target : input.targets) {
     const auto known = std::ranges::find(before, target.instance_id, &TargetPast::id);
-    TargetPast& past =
-        now.emplace_back(known != before.end() ? *known : TargetPast{target.instance_id, MotionPredictor()});
+    TargetPast& past = now.emplace_back(known != before.end() ? *known
+                                                              : TargetPast{target.instance_id, MotionPredictor()});
     past.predictor.configure({.ahead_s = input.settings.move.prediction_s});
     past.predictor.observe(input.dt_s, believed_pose(*input.scene.find(target.instance_id)));
   }

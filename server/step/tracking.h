@@ -1,7 +1,8 @@
 // How the camera carries out a decision in the steps until the next one (Tuning.move.decide_every_s).
 //
-// A decision looks at every candidate and at the coming second. Between two decisions the camera goes on with the same course, relative to where the targets are
-// now. All are plain values. Lengths are metres, world frame unless a comment says otherwise.
+// A decision looks at every candidate and at the coming second. Between two decisions the camera goes on with the same
+// course, relative to where the targets are now. All are plain values. Lengths are metres, world frame unless a comment
+// says otherwise.
 #pragma once
 
 #include <cstdint>
@@ -39,7 +40,8 @@ enum class TrackBy {
 struct Tracking {
   TrackBy by = TrackBy::kStop;
   Pace pace = {};
-  // kFollow: from the desired position to the place. kLeg: the end of the leg, world. kVelocity: m/s. kAcceleration: m/s².
+  // kFollow: from the desired position to the place. kLeg: the end of the leg, world. kVelocity: m/s. kAcceleration:
+  // m/s².
   glm::dvec3 vector{0.0};
   double beyond_m = 0.0;  // kFollow, kLeg: length of the way after the place or the leg
 };
@@ -50,16 +52,16 @@ struct DecisionInForce {
   double clock_s = 0.0;  // the time that it has moved for since the session opened
   // The number of decisions of a camera that moves since there were no targets. By it, the targets take turns.
   uint64_t made = 0;
-  bool is_due = true;    // the next step decides, however young the last decision is
+  bool is_due = true;  // the next step decides, however young the last decision is
   Tracking tracking;
   MoveStatus status = MoveStatus::kHolding;
   MoveReason reason = MoveReason::kNoTargets;  // as Decision::course_reason
   ComparedCourses courses;
   HeldFacts facts;
-  std::optional<double> view_way_m;        // as Decision::view_way_m
-  bool sees_none = false;                  // as Decision::sees_none
-  std::optional<glm::dvec3> nearest_view_m;  // as Decision::nearest_view_m
-  SightCounts counts;                      // of the candidates
+  std::optional<double> view_way_m;                // as Decision::view_way_m
+  bool sees_none = false;                          // as Decision::sees_none
+  std::optional<glm::dvec3> nearest_view_m;        // as Decision::nearest_view_m
+  SightCounts counts;                              // of the candidates
   InlineVector<uint64_t, kMaxTargets> target_ids;  // in the order of the input
   uint32_t seen = 0;  // of these, those that the camera has seen over the last steps, by the filter; bit i is target i
 };

@@ -1,5 +1,5 @@
-// The status of a step. It says which targets the camera sees. If the camera sees none, it says whether the camera is on
-// the way to a view, and what is in the way.
+// The status of a step. It says which targets the camera sees. If the camera sees none, it says whether the camera is
+// on the way to a view, and what is in the way.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -38,7 +38,8 @@ class StatusFinder {
   void find() {
     if (targets_.weighted == 0) return set(TrackingStatus::kHolding);
     if (sees_required()) return set(TrackingStatus::kTracking);
-    if (any_of(targets_.weighted, [&](size_t i) { return glimpses(result_.targets[i]); })) return set(TrackingStatus::kPartialView);
+    if (any_of(targets_.weighted, [&](size_t i) { return glimpses(result_.targets[i]); }))
+      return set(TrackingStatus::kPartialView);
     if (any_of(targets_.steered, [&](size_t i) { return result_.targets[i].visible_share > 0; })) return turn_to_view();
     if (decision_.view_way_m) return move_to_view();
     const SightCounts& counts = step_.dump.sights.counts;
@@ -51,8 +52,8 @@ class StatusFinder {
   void set(TrackingStatus status) { result_.status = status; }
   void set_blocked(const glm::dvec3& to_m) {
     set(TrackingStatus::kBlocked);
-    const auto slot = step_.dump.surroundings.colliders.first_in_way(
-        decision_.camera.pose.position_m, to_m, swept_radius_m(step_.input.limits, lens_));
+    const auto slot = step_.dump.surroundings.colliders.first_in_way(decision_.camera.pose.position_m, to_m,
+                                                                     swept_radius_m(step_.input.limits, lens_));
     if (slot) result_.blocked_by = step_.input.scene.instances()[*slot].id;
   }
 
@@ -70,7 +71,8 @@ class StatusFinder {
   }
   bool sees(const TargetSight& sight) const {
     const double threshold = step_.taken.settings.visibility_threshold - 1e-9;
-    return sight.in_picture && sight.picture_share >= kLeastInPicture && sight.filtered_share > 0 && sight.filtered_share >= threshold;
+    return sight.in_picture && sight.picture_share >= kLeastInPicture && sight.filtered_share > 0 &&
+           sight.filtered_share >= threshold;
   }
   static bool glimpses(const TargetSight& sight) { return sight.picture_share > 0 && sight.filtered_share > 0; }
 
@@ -91,7 +93,8 @@ class StatusFinder {
   // The angle by which the camera has to turn, sideways or up and down, until the point comes into the picture.
   double outside_picture_rad(const glm::dvec3& point_m) const {
     const glm::dvec3 p = inverse_transform_point(decision_.camera.pose, point_m);
-    const double aside_rad = std::atan2(std::abs(p.x), -p.z), over_rad = std::atan2(std::abs(p.y), std::hypot(p.x, p.z));
+    const double aside_rad = std::atan2(std::abs(p.x), -p.z),
+                 over_rad = std::atan2(std::abs(p.y), std::hypot(p.x, p.z));
     return std::max({0.0, aside_rad - half_horizontal_fov_rad(lens_), over_rad - lens_.vertical_fov_rad / 2});
   }
 
@@ -103,8 +106,10 @@ class StatusFinder {
     set(TrackingStatus::kSeeking);
     const CameraLimits& limits = step_.input.limits;
     // The way may bend, so the whole speed counts unless the camera flies the other way.
-    const double rate_mps = glm::dot(camera.velocity_mps, decision_.wanted_mps) > 0 ? glm::length(camera.velocity_mps) : 0.0;
-    result_.view_s = time_to_cover_s(*decision_.view_way_m, rate_mps, limits.max_speed_mps, limits.max_acceleration_mps2);
+    const double rate_mps = glm::dot(camera.velocity_mps, decision_.wanted_mps) > 0 ? glm::length(camera.velocity_mps)
+                                                                                    : 0.0;
+    result_.view_s = time_to_cover_s(*decision_.view_way_m, rate_mps, limits.max_speed_mps,
+                                     limits.max_acceleration_mps2);
   }
   bool is_stopped() const {
     const double wanted_mps = glm::length(decision_.wanted_mps);

@@ -15,8 +15,9 @@ namespace {
 constexpr double kChoiceEveryS = 4.0 / 60;
 // The results are used once the search has run for this share of its memory time.
 constexpr double kKnownShare = 0.5;
-// While the targets move, the client's shot is taken again when at most this share of them has been hidden there for so long. Without it, the
-// camera would stay for good at any viewpoint that sees as much. Where others keep passing before the targets, the shot is not free for long.
+// While the targets move, the client's shot is taken again when at most this share of them has been hidden there for so
+// long. Without it, the camera would stay for good at any viewpoint that sees as much. Where others keep passing before
+// the targets, the shot is not free for long.
 constexpr double kAskedIsGoodBelow = 0.05, kAskedIsGoodS = 1.5;
 // The eyes of the maps lie within this share of the target's box, since the corners of a box are mostly outside the
 // shape.
@@ -31,7 +32,8 @@ bool searches(const StepContext& step) {
 double box_area(const Instance& instance) {
   const glm::dvec3 half_m(instance.geometry->bounds.half_extent());
   const Affine& map = instance.world_from_instance;
-  const double x = half_m.x * glm::length(map[0]), y = half_m.y * glm::length(map[1]), z = half_m.z * glm::length(map[2]);
+  const double x = half_m.x * glm::length(map[0]), y = half_m.y * glm::length(map[1]),
+               z = half_m.z * glm::length(map[2]);
   return x * y + y * z + z * x;
 }
 
@@ -65,13 +67,18 @@ void choose_viewpoint(const StepContext& step, const ViewpointMap& viewpoints, W
   keep_shot_below = stand ? good_enough_share(keep_shot_below, effective_count(step.targets.sight_weights)) : 0.0;
   const glm::dvec3 center_m = step.center_m(), present_m = step.camera.pose.position_m - center_m;
   if (glm::length(present_m) < 1e-6 || glm::length(shot.asked_offset_m) < 1e-6) return;
-  ShotWish wish{.asked_m = framed_offset_m(step, shot.asked_offset_m), .present_m = present_m, .subjects_m = shot.subjects_m, .weight = shot.weight, .tolerance = shot.tolerance};
+  ShotWish wish{.asked_m = framed_offset_m(step, shot.asked_offset_m),
+                .present_m = present_m,
+                .subjects_m = shot.subjects_m,
+                .weight = shot.weight,
+                .tolerance = shot.tolerance};
   const auto allowed = [&](const glm::dvec3& offset_m) {
     return within_limits(center_m + offset_m, step.targets.tracked_targets, settings) && shows_group(step, offset_m);
   };
   wish.asked_place = shot.asked_viewpoint = viewpoints.nearest_viewpoint(wish.asked_m);
   wish.former_place = shot.viewpoint.value_or(shot.asked_viewpoint);
-  const bool is_seen = hidden_round_about(viewpoints, step.targets.tracked_targets, shot.asked_viewpoint) <= kAskedIsGoodBelow;
+  const bool is_seen = hidden_round_about(viewpoints, step.targets.tracked_targets, shot.asked_viewpoint) <=
+                       kAskedIsGoodBelow;
   shot.asked_seen_s = is_seen ? shot.asked_seen_s + kChoiceEveryS : 0.0;
   const bool is_good = !stand && shot.asked_seen_s >= kAskedIsGoodS;
   wish.take_asked_below = is_good ? kAskedIsGoodBelow : keep_shot_below;
@@ -115,7 +122,8 @@ void plan_sights_from_shot(const SampleInput& in, SamplePlan& plan, ViewpointLoo
 
 glm::dvec3 framed_offset_m(const StepContext& step, const glm::dvec3& offset_m) {
   const double margin = step.input.settings.framing.framing_margin;
-  return desired_place_m(step.targets.tracked_targets, offset_m, place_lens(step), margin, step.input.settings.move) - step.center_m();
+  return desired_place_m(step.targets.tracked_targets, offset_m, place_lens(step), margin, step.input.settings.move) -
+         step.center_m();
 }
 
 glm::dvec3 asked_place_m(const StepContext& step, const WantedShot& shot) {
@@ -139,9 +147,11 @@ ViewpointLook plan_look(const SampleInput& in, SamplePlan& plan) {
   const StepInput& input = in.step.input;
   if (!searches(in.step)) return {};
   std::vector<MapView>& views = plan.views;
-  ViewpointLook look{.searches = true, .target = in.carried.in_force.made % input.targets.size(), .maps = {}, .asked_sight = 0};
+  ViewpointLook look{
+      .searches = true, .target = in.carried.in_force.made % input.targets.size(), .maps = {}, .asked_sight = 0};
   CounterRandom random(input.seed, in.step.decision, RandomPurpose::kViewpointSearch);
-  const glm::dvec3 eye_m = looking_point_m(looking_piece(input.scene, in.step.targets.pieces[look.target], random), random);
+  const glm::dvec3 eye_m = looking_point_m(looking_piece(input.scene, in.step.targets.pieces[look.target], random),
+                                           random);
   const double x = random.next_unit(), y = random.next_unit();
   look.maps.first = static_cast<uint32_t>(views.size());
   plan_round(eye_m, input.settings.move.viewpoint_search.resolution, {x, y}, views);
@@ -164,9 +174,12 @@ void request_look(const SampleInput& in, SamplePlan& plan) {
   };
   const glm::dvec3 eye_m = plan.views[look.asked_sight].eye_m;
   request(look.asked_sight, glm::distance(eye_m, asked_place_m(in.step, in.shot)), look.target);
-  for (const SightAhead& sight : look.ahead) request(sight.map, glm::distance(plan.views[sight.map].eye_m, sight.place_m), sight.target, sight.ahead_s);
-  const double farthest_m = glm::distance(eye_m, in.step.center_m()) + ViewpointMap::kFarthestShare * viewpoint_distance_m(in.step, in.shot);
-  for (uint32_t view = look.maps.first; view < look.maps.first + look.maps.count; ++view) request(view, farthest_m, look.target);
+  for (const SightAhead& sight : look.ahead)
+    request(sight.map, glm::distance(plan.views[sight.map].eye_m, sight.place_m), sight.target, sight.ahead_s);
+  const double farthest_m = glm::distance(eye_m, in.step.center_m()) +
+                            ViewpointMap::kFarthestShare * viewpoint_distance_m(in.step, in.shot);
+  for (uint32_t view = look.maps.first; view < look.maps.first + look.maps.count; ++view)
+    request(view, farthest_m, look.target);
 }
 
 void search_viewpoints(const StepContext& step, const TakenMaps& taken, ViewpointMap& viewpoints, WantedShot& shot) {
@@ -180,8 +193,7 @@ void search_viewpoints(const StepContext& step, const TakenMaps& taken, Viewpoin
   if (knows_viewpoints(step, viewpoints) && is_due(step)) choose_viewpoint(step, viewpoints, shot);
   if (!shot.viewpoint) return;
   // Viewpoints are coarse. If the client's nearest viewpoint is chosen, the camera takes exactly the client's shot.
-  shot.offset_m =
-      *shot.viewpoint == shot.asked_viewpoint ? shot.asked_offset_m : viewpoints.offset_m(*shot.viewpoint);
+  shot.offset_m = *shot.viewpoint == shot.asked_viewpoint ? shot.asked_offset_m : viewpoints.offset_m(*shot.viewpoint);
 }
 
 }  // namespace sightline

@@ -71,8 +71,11 @@ Status read_open(const v1::OpenSession& open, const SceneSource& source, Session
   read_limits(open.limits(), out.limits);
   if (Status ok = read_targets(open.targets(), out.convention, "open.targets", out.targets); !ok) return ok;
   if (Status ok = read_instances(open, source, out, warnings); !ok) return ok;
-  // An empty shot too says which way models face, so that reports of a session without one are in the frame that the client would ask in.
-  if (Status ok = read_shot(open.shot(), out.convention, out.lens.aspect, "open.shot", out.shot); !ok && open.has_shot()) return ok;
+  // An empty shot too says which way models face, so that reports of a session without one are in the frame that the
+  // client would ask in.
+  if (Status ok = read_shot(open.shot(), out.convention, out.lens.aspect, "open.shot", out.shot);
+      !ok && open.has_shot())
+    return ok;
   out.shot.number = open.has_shot() ? 1 : 0;
   for (std::string& warning : suspect_sizes(out)) warnings.push_back(std::move(warning));
   for (std::string& warning : shot_warnings(out, "open.shot")) warnings.push_back(std::move(warning));
@@ -91,7 +94,8 @@ Status read_observed(const v1::ObservedCamera& wire, const Convention& conventio
   if (Status ok = read_vector(wire.velocity(), "tick.observed_camera.velocity", velocity); !ok) return ok;
   out.velocity_mps = vector_from_client(convention, velocity);
   glm::dvec3 turning(0.0);
-  if (Status ok = read_vector(wire.angular_velocity(), "tick.observed_camera.angular_velocity", turning); !ok) return ok;
+  if (Status ok = read_vector(wire.angular_velocity(), "tick.observed_camera.angular_velocity", turning); !ok)
+    return ok;
   out.angular_velocity_radps = angular_velocity_from_client(convention, turning);
   out.cut = wire.cut();
   return {};
@@ -99,16 +103,18 @@ Status read_observed(const v1::ObservedCamera& wire, const Convention& conventio
 
 Status check_step_control(const v1::StepControl& step) {
   if (step.quality_level() <= kLowestQualityLevel) return {};
-  return invalid("tick.step_control.quality_level", "must be in [0, " + std::to_string(kLowestQualityLevel) + "], got " +
-                                                std::to_string(step.quality_level()));
+  return invalid("tick.step_control.quality_level", "must be in [0, " + std::to_string(kLowestQualityLevel) +
+                                                        "], got " + std::to_string(step.quality_level()));
 }
 
 Status read_terms(const v1::Tick& tick, const Session& session, TickInput& out) {
   if (tick.has_lens())
-    if (Status ok = read_lens(tick.lens(), session.convention(), "tick.lens", out.lens.emplace()); !ok)
-      return ok;
+    if (Status ok = read_lens(tick.lens(), session.convention(), "tick.lens", out.lens.emplace()); !ok) return ok;
   if (tick.has_shot())
-    if (Status ok = read_shot(tick.shot(), session.convention(), out.lens.value_or(session.lens()).aspect, "tick.shot", out.shot.emplace()); !ok) return ok;
+    if (Status ok = read_shot(tick.shot(), session.convention(), out.lens.value_or(session.lens()).aspect, "tick.shot",
+                              out.shot.emplace());
+        !ok)
+      return ok;
   if (tick.has_limits()) read_limits(tick.limits(), out.limits.emplace(session.limits()));
   if (!tick.has_settings() && !tick.has_tuning()) return {};
   return read_settings(tick.settings(), tick.tuning(), "tick.", out.settings.emplace(session.settings()));
@@ -143,8 +149,7 @@ Status read_tick(const v1::Tick& tick, const Session& session, const SceneSource
     if (!ok) return ok;
   }
   if (tick.has_observed_camera())
-    if (Status ok = read_observed(tick.observed_camera(), convention, out.observed_camera.emplace()); !ok)
-      return ok;
+    if (Status ok = read_observed(tick.observed_camera(), convention, out.observed_camera.emplace()); !ok) return ok;
   return read_terms(tick, session, out);
 }
 
@@ -169,7 +174,8 @@ bool reads_files(const v1::Tick& tick, SceneLibrary& library) {
   return false;
 }
 
-// Only a tick that changes the settings or the targets, or adds a mesh, can need a table that the session has not and that takes long.
+// Only a tick that changes the settings or the targets, or adds a mesh, can need a table that the session has not and
+// that takes long.
 bool builds_tables(const v1::Tick& tick, const Session& session) {
   std::set<uint64_t> meshes;
   for (const v1::NewInstance& added : tick.delta().added_instances())

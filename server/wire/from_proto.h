@@ -18,7 +18,7 @@ namespace sightline {
 struct SceneSource {
   SceneLibrary& library;
   GeometryStore& store;
-  SceneReader reader = {};  // the client whose message is read
+  SceneReader reader = {};    // the client whose message is read
   WorkLimit* work = nullptr;  // ends the reading of files; null: nothing does
 };
 
@@ -28,7 +28,8 @@ Result<SessionOptions> session_options_from_proto(const v1::OpenSession& open, c
                                                   std::vector<std::string>& warnings);
 
 // True if applying the tick would read a scene file or build the sample table of a target's shape, which may take
-// seconds. Targets with shapes that the tick itself adds are not examined, since their tables take 10 ms; those with meshes are.
+// seconds. Targets with shapes that the tick itself adds are not examined, since their tables take 10 ms; those with
+// meshes are.
 bool takes_long(const v1::Tick& tick, const Session& session, SceneLibrary& library);
 
 // Fields "tick....". Cheap unless the tick adds meshes from a file. The tick is read in the convention of `session`,

@@ -6,8 +6,8 @@
 #include <limits>
 
 #include "server/base/check.h"
-#include "server/wire/from_proto_values.h"
 #include "server/scene/primitives.h"
+#include "server/wire/from_proto_values.h"
 
 namespace sightline {
 namespace {
@@ -26,7 +26,8 @@ Status check_client_id(uint64_t id, const std::string& field) {
   std::string text = "must be in [1, 2^63), got " + std::to_string(id);
   // Engines number objects by signed numbers, and a negative one has become this id by the extension of its sign.
   if (const auto negative = static_cast<int64_t>(id); negative < 0 && negative >= std::numeric_limits<int32_t>::min())
-    text += ", which is " + std::to_string(negative) + " as a signed number; convert a 32-bit id to an unsigned one first: " +
+    text += ", which is " + std::to_string(negative) +
+            " as a signed number; convert a 32-bit id to an unsigned one first: " +
             std::to_string(static_cast<uint32_t>(id));
   return invalid(field, std::move(text));
 }
@@ -55,9 +56,7 @@ Result<Shape> read_box(const v1::Shape::Box& wire, const Convention& c, const st
   if (Status ok = read_vector(wire.half_extent(), name, units); !ok) return tl::unexpected(ok.error());
   glm::vec3 client_m;
   for (int axis = 0; axis < 3; ++axis)
-    if (Status ok =
-            read_size(units[axis], c.metres_per_unit, kMinSizeM, axis_field(name, axis), client_m[axis]);
-        !ok)
+    if (Status ok = read_size(units[axis], c.metres_per_unit, kMinSizeM, axis_field(name, axis), client_m[axis]); !ok)
       return tl::unexpected(ok.error());
   return BoxShape{glm::vec3(scale_from_client(c, client_m))};
 }
@@ -71,8 +70,7 @@ Result<Shape> read_sphere(const v1::Shape::Sphere& wire, const Convention& c, co
 
 // Capsule and cylinder need no rotation, because the image of the client's up axis is canonical +Y or -Y.
 template <typename Round, typename Wire>
-Result<Shape> read_round(const Wire& wire, double min_half_height_m, const Convention& c,
-                         const std::string& field) {
+Result<Shape> read_round(const Wire& wire, double min_half_height_m, const Convention& c, const std::string& field) {
   Round round;
   Status ok = read_size(wire.radius(), c.metres_per_unit, kMinSizeM, field + ".radius", round.radius_m);
   if (ok)
@@ -106,12 +104,14 @@ Status read_offset(const v1::Shape& wire, const Convention& c, const std::string
   if (Status ok = read_vector(wire.offset(), name, units); !ok) return ok;
   out_m = vector_from_client(c, units);
   for (int axis = 0; axis < 3; ++axis)
-    if (std::abs(units[axis]) * c.metres_per_unit > kMaxOffsetM) return invalid(axis_field(name, axis), "must be within 1e5 m");
+    if (std::abs(units[axis]) * c.metres_per_unit > kMaxOffsetM)
+      return invalid(axis_field(name, axis), "must be within 1e5 m");
   return {};
 }
 
 double least_size_m(const Shape& shape) {
-  if (const auto* box = std::get_if<BoxShape>(&shape)) return std::min({box->half_extent_m.x, box->half_extent_m.y, box->half_extent_m.z});
+  if (const auto* box = std::get_if<BoxShape>(&shape))
+    return std::min({box->half_extent_m.x, box->half_extent_m.y, box->half_extent_m.z});
   if (const auto* sphere = std::get_if<SphereShape>(&shape)) return sphere->radius_m;
   if (const auto* capsule = std::get_if<CapsuleShape>(&shape)) return capsule->radius_m;
   const auto& cylinder = std::get<CylinderShape>(shape);
@@ -122,13 +122,15 @@ Status check_form(const Shape& shape, const glm::dvec3& offset_m, const std::str
   const double offset = glm::length(offset_m), least_m = least_size_m(shape);
   if (least_m >= kMinSizePerOffset * offset) return {};
   char text[128];
-  std::snprintf(text, sizeof text, "must be at most 1e6 times the shape's least size, which is %g m, got %g m", least_m, offset);
+  std::snprintf(text, sizeof text, "must be at most 1e6 times the shape's least size, which is %g m, got %g m", least_m,
+                offset);
   return invalid(field, text);
 }
 
-// A shape that is no compound, turned by `rotation` (client) about its centre and moved by `body_m` beyond its own offset.
-Result<PlacedShape> read_part(const v1::Shape& wire, const glm::dquat& rotation, const glm::dvec3& body_m, const Convention& c,
-                              const std::string& field) {
+// A shape that is no compound, turned by `rotation` (client) about its centre and moved by `body_m` beyond its own
+// offset.
+Result<PlacedShape> read_part(const v1::Shape& wire, const glm::dquat& rotation, const glm::dvec3& body_m,
+                              const Convention& c, const std::string& field) {
   auto shape = read_shape(wire, c, field);
   if (!shape) return tl::unexpected(std::move(shape.error()));
   glm::dvec3 offset_m(0.0);
@@ -221,9 +223,8 @@ Result<std::vector<NodeBinding>> read_bindings(const v1::SceneRef& wire, const s
 }
 
 tl::unexpected<Error> wrong_count(const char* field, int got, const char* of, int expected) {
-  return invalid(
-      std::string("tick.transforms.") + field,
-      "must hold " + std::to_string(expected) + " numbers (" + of + "), got " + std::to_string(got));
+  return invalid(std::string("tick.transforms.") + field,
+                 "must hold " + std::to_string(expected) + " numbers (" + of + "), got " + std::to_string(got));
 }
 
 Status check_counts(const v1::Transforms& wire) {
@@ -234,7 +235,8 @@ Status check_counts(const v1::Transforms& wire) {
     return wrong_count("rotations", wire.rotations_size(), "4 for each id, or none", 4 * n);
   if (wire.velocities_size() != 0 && (wire.velocities_size() / 3 != n || wire.velocities_size() % 3 != 0))
     return wrong_count("velocities", wire.velocities_size(), "3 for each id, or none", 3 * n);
-  if (wire.angular_velocities_size() != 0 && (wire.angular_velocities_size() / 3 != n || wire.angular_velocities_size() % 3 != 0))
+  if (wire.angular_velocities_size() != 0 &&
+      (wire.angular_velocities_size() / 3 != n || wire.angular_velocities_size() % 3 != 0))
     return wrong_count("angular_velocities", wire.angular_velocities_size(), "3 for each id, or none", 3 * n);
   return {};
 }
@@ -298,14 +300,12 @@ Result<std::shared_ptr<const Geometry>> InstanceReader::read_geometry(const v1::
   return source_.store.intern(std::move(*mesh));
 }
 
-Result<std::shared_ptr<const Geometry>> InstanceReader::read_mesh(const v1::MeshRef& wire,
-                                                                  const std::string& field) {
+Result<std::shared_ptr<const Geometry>> InstanceReader::read_mesh(const v1::MeshRef& wire, const std::string& field) {
   auto asset = find_asset(wire, field);
   if (!asset) return tl::unexpected(std::move(asset.error()));
   const std::vector<std::string>& names = (*asset)->mesh_names;
   const auto found = std::find(names.begin(), names.end(), wire.mesh());
-  if (found == names.end())
-    return fail(ErrorCode::kNotFound, field + ".mesh", "the file has no mesh of that name");
+  if (found == names.end()) return fail(ErrorCode::kNotFound, field + ".mesh", "the file has no mesh of that name");
   if (std::find(found + 1, names.end(), wire.mesh()) != names.end())
     return invalid(field + ".mesh", "the file has several meshes of that name");
   auto geometry = (*asset)->meshes[static_cast<size_t>(found - names.begin())];
@@ -324,16 +324,16 @@ Result<InstanceReader::Asset> InstanceReader::find_asset(const v1::MeshRef& wire
   return asset;
 }
 
-Result<LoadedScene> read_scene(const v1::SceneRef& wire, const SceneSource& source,
-                               const Convention& convention, const std::string& field) {
-  if (wire.source_case() == v1::SceneRef::SOURCE_NOT_SET)
-    return invalid(field + ".source", "needs name or hash");
+Result<LoadedScene> read_scene(const v1::SceneRef& wire, const SceneSource& source, const Convention& convention,
+                               const std::string& field) {
+  if (wire.source_case() == v1::SceneRef::SOURCE_NOT_SET) return invalid(field + ".source", "needs name or hash");
   const double metres_per_unit = wire.has_metres_per_unit() ? wire.metres_per_unit() : 1.0;
   const std::string unit_field = field + ".metres_per_unit";
   if (Status ok = check_range(unit_field.c_str(), metres_per_unit, kMinUnitM, kMaxUnitM); !ok)
     return tl::unexpected(std::move(ok.error()));
   glm::dvec3 place(0.0);
-  if (Status ok = read_vector(wire.position(), field + ".position", place); !ok) return tl::unexpected(std::move(ok.error()));
+  if (Status ok = read_vector(wire.position(), field + ".position", place); !ok)
+    return tl::unexpected(std::move(ok.error()));
   auto bindings = read_bindings(wire, field + ".bindings");
   if (!bindings) return tl::unexpected(std::move(bindings.error()));
   auto asset = wire.has_hash() ? find_by_hash(wire.hash(), source, field + ".hash")
@@ -352,8 +352,7 @@ Result<LoadedScene> read_scene(const v1::SceneRef& wire, const SceneSource& sour
   return LoadedScene{std::move(*asset), std::move(*instances)};
 }
 
-Status read_target(const v1::Target& wire, const Convention& convention, const std::string& field,
-                   Target& out) {
+Status read_target(const v1::Target& wire, const Convention& convention, const std::string& field, Target& out) {
   out.instance_id = wire.id();
   if (wire.has_weight()) out.weight = wire.weight();
   if (wire.has_required()) out.required = wire.required();
@@ -368,12 +367,12 @@ Status read_target(const v1::Target& wire, const Convention& convention, const s
   return {};
 }
 
-Status read_delta(const v1::SceneDelta& wire, InstanceReader& instances, const std::string& field,
-                  SceneDelta& out) {
+Status read_delta(const v1::SceneDelta& wire, InstanceReader& instances, const std::string& field, SceneDelta& out) {
   if (wire.has_base_revision()) out.base_revision = wire.base_revision();
   out.remove.assign(wire.removed_ids().begin(), wire.removed_ids().end());
   for (int i = 0; i < wire.added_instances_size(); ++i) {
-    auto instance = instances.read(wire.added_instances(i), indexed(field + ".added_instances", static_cast<size_t>(i)));
+    auto instance = instances.read(wire.added_instances(i),
+                                   indexed(field + ".added_instances", static_cast<size_t>(i)));
     if (!instance) return tl::unexpected(std::move(instance.error()));
     out.add.push_back(std::move(*instance));
   }
@@ -402,16 +401,15 @@ Status read_transforms(const v1::Transforms& wire, const Convention& convention,
     if (out.keeps_rotations) continue;
     const glm::dquat rotation = packed_rotation(wire, i);
     if (!is_unit(rotation))
-      return invalid(
-          indexed("tick.transforms.rotations", 4 * static_cast<size_t>(i)),
-          "must have unit length within 1e-3, got length " + std::to_string(glm::length(rotation)));
+      return invalid(indexed("tick.transforms.rotations", 4 * static_cast<size_t>(i)),
+                     "must have unit length within 1e-3, got length " + std::to_string(glm::length(rotation)));
     pose.rotation = rotation_from_client(convention, glm::normalize(rotation));
   }
   for (int i = 0; i < wire.velocities_size() / 3; ++i)
-    out.transforms.velocities_mps.push_back(
-        vector_from_client(convention, packed_vector(wire.velocities(), i)));
+    out.transforms.velocities_mps.push_back(vector_from_client(convention, packed_vector(wire.velocities(), i)));
   for (int i = 0; i < wire.angular_velocities_size() / 3; ++i)
-    out.transforms.angular_velocities_radps.push_back(angular_velocity_from_client(convention, packed_vector(wire.angular_velocities(), i)));
+    out.transforms.angular_velocities_radps.push_back(
+        angular_velocity_from_client(convention, packed_vector(wire.angular_velocities(), i)));
   return {};
 }
 

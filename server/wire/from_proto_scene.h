@@ -12,8 +12,7 @@ namespace sightline {
 // Makes instances. It asks the library only once for each file, even if many instances name it.
 class InstanceReader {
  public:
-  InstanceReader(const SceneSource& source, const Convention& convention)
-      : source_(source), convention_(convention) {}
+  InstanceReader(const SceneSource& source, const Convention& convention) : source_(source), convention_(convention) {}
 
   Result<NewInstance> read(const v1::NewInstance& wire, const std::string& field);
   // The files of all meshes so far.
@@ -21,8 +20,7 @@ class InstanceReader {
 
  private:
   using Asset = std::shared_ptr<const SceneAsset>;
-  Result<std::shared_ptr<const Geometry>> read_geometry(const v1::NewInstance& wire,
-                                                        const std::string& field);
+  Result<std::shared_ptr<const Geometry>> read_geometry(const v1::NewInstance& wire, const std::string& field);
   Result<std::shared_ptr<const Geometry>> read_mesh(const v1::MeshRef& wire, const std::string& field);
   Result<Asset> find_asset(const v1::MeshRef& wire, const std::string& field);
 
@@ -36,13 +34,11 @@ struct LoadedScene {
   std::shared_ptr<const SceneAsset> asset;
   std::vector<NewInstance> instances;
 };
-Result<LoadedScene> read_scene(const v1::SceneRef& wire, const SceneSource& source,
-                               const Convention& convention, const std::string& field);
+Result<LoadedScene> read_scene(const v1::SceneRef& wire, const SceneSource& source, const Convention& convention,
+                               const std::string& field);
 
-Status read_target(const v1::Target& wire, const Convention& convention, const std::string& field,
-                   Target& out);
-Status read_delta(const v1::SceneDelta& wire, InstanceReader& instances, const std::string& field,
-                  SceneDelta& out);
+Status read_target(const v1::Target& wire, const Convention& convention, const std::string& field, Target& out);
+Status read_delta(const v1::SceneDelta& wire, InstanceReader& instances, const std::string& field, SceneDelta& out);
 // Fields "tick.transforms....".
 Status read_transforms(const v1::Transforms& wire, const Convention& convention, TickInput& out);
 

@@ -27,8 +27,7 @@ Status read_number(double wire, const std::string& field, double& out) {
 
 Status read_axis(v1::CustomConvention::Axis wire, const std::string& field, glm::dvec3& out) {
   if (!v1::CustomConvention::Axis_IsValid(wire)) return unknown_enum(field, wire);
-  if (wire == v1::CustomConvention::AXIS_UNSPECIFIED)
-    return invalid(field, "is required for a custom convention");
+  if (wire == v1::CustomConvention::AXIS_UNSPECIFIED) return invalid(field, "is required for a custom convention");
   const int index = wire - v1::CustomConvention::AXIS_PLUS_X;  // +x, -x, +y, -y, +z, -z
   out = glm::dvec3(0.0);
   out[index / 2] = index % 2 == 0 ? 1.0 : -1.0;
@@ -40,8 +39,7 @@ Status read_custom(const v1::CustomConvention& wire, const std::string& field, C
   if (Status ok = read_axis(wire.x(), field + ".x", m[0]); !ok) return ok;
   if (Status ok = read_axis(wire.y(), field + ".y", m[1]); !ok) return ok;
   if (Status ok = read_axis(wire.z(), field + ".z", m[2]); !ok) return ok;
-  if (Status ok = read_axis(wire.camera_forward(), field + ".camera_forward", out.camera_forward); !ok)
-    return ok;
+  if (Status ok = read_axis(wire.camera_forward(), field + ".camera_forward", out.camera_forward); !ok) return ok;
   out.model_front = out.camera_forward;
   if (Status ok = read_axis(wire.camera_up(), field + ".camera_up", out.camera_up); !ok) return ok;
   out.metres_per_unit = wire.metres_per_unit();
@@ -76,8 +74,7 @@ Status read_preset(v1::Convention::Preset wire, const std::string& field, Conven
 // Messages give the angle in degrees for any convention, because the contract states its range in degrees.
 Status check_fov(double fov_degrees, const std::string& field) {
   if (fov_degrees > kMinFovDegrees && fov_degrees < kMaxFovDegrees) return {};
-  return invalid(
-      field, "must be in (0.6, 171) degrees, or 0 for the default, got " + number(fov_degrees) + " degrees");
+  return invalid(field, "must be in (0.6, 171) degrees, or 0 for the default, got " + number(fov_degrees) + " degrees");
 }
 
 // `read`: the former settings with the sent ones applied. If only one end of the zoom range is sent, the error names
@@ -110,8 +107,7 @@ Status read_vector(const v1::Vec3& wire, const std::string& field, glm::dvec3& o
 
 Status read_rotation(const v1::Quat& wire, const std::string& field, glm::dquat& out) {
   const glm::dquat q(wire.w(), wire.x(), wire.y(), wire.z());
-  if (!is_unit(q))
-    return invalid(field, "must have unit length within 1e-3, got length " + number(glm::length(q)));
+  if (!is_unit(q)) return invalid(field, "must have unit length within 1e-3, got length " + number(glm::length(q)));
   out = glm::normalize(q);
   return {};
 }
@@ -127,8 +123,7 @@ Status read_convention(const v1::Convention& wire, const std::string& prefix, Co
   const std::string field = prefix + "convention";
   const bool is_custom = wire.preset() == v1::Convention::PRESET_CUSTOM;
   if (is_custom != wire.has_custom())
-    return invalid(field + ".custom",
-                   is_custom ? "is required for CUSTOM" : "must be absent unless preset is CUSTOM");
+    return invalid(field + ".custom", is_custom ? "is required for CUSTOM" : "must be absent unless preset is CUSTOM");
   Status ok = is_custom ? read_custom(wire.custom(), field + ".custom", out)
                         : read_preset(wire.preset(), field + ".preset", out);
   if (!ok) return ok;

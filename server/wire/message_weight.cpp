@@ -10,8 +10,8 @@ namespace {
 
 using google::protobuf::Descriptor;
 using google::protobuf::FieldDescriptor;
-using google::protobuf::io::CodedInputStream;
 using google::protobuf::internal::WireFormatLite;
+using google::protobuf::io::CodedInputStream;
 
 // Of an element of a repeated message field, with its pointer and the overhead of the allocation.
 constexpr size_t kOfMessage = 144;
@@ -30,7 +30,8 @@ struct Weigher {
   bool message(const Descriptor* type, int depth) {
     if (depth > kMostDepth) return false;
     while (const uint32_t tag = in.ReadTag()) {
-      const FieldDescriptor* const field = type ? type->FindFieldByNumber(WireFormatLite::GetTagFieldNumber(tag)) : nullptr;
+      const FieldDescriptor* const field = type ? type->FindFieldByNumber(WireFormatLite::GetTagFieldNumber(tag))
+                                                : nullptr;
       if (WireFormatLite::GetTagWireType(tag) != WireFormatLite::WIRETYPE_LENGTH_DELIMITED) {
         if (!WireFormatLite::SkipField(&in, tag)) return false;
         weight += sizeof(uint64_t);

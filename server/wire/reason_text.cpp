@@ -25,7 +25,8 @@ const char* name_of(ShotLimit limit) {
 }
 
 std::string limit_text(uint32_t limits) {
-  constexpr ShotLimit kLimits[] = {ShotLimit::kMinDistance, ShotLimit::kMaxDistance, ShotLimit::kMinElevation, ShotLimit::kMaxElevation, ShotLimit::kPicture};
+  constexpr ShotLimit kLimits[] = {ShotLimit::kMinDistance, ShotLimit::kMaxDistance, ShotLimit::kMinElevation,
+                                   ShotLimit::kMaxElevation, ShotLimit::kPicture};
   for (const ShotLimit limit : kLimits) {
     if ((limits >> static_cast<int>(limit) & 1u) == 0) continue;
     if (limit == ShotLimit::kPicture) return "; the picture cannot hold all targets from the place of the shot";
@@ -59,7 +60,8 @@ std::string loss_text(const ComparedCourses& courses) {
   if (courses.taken != FlightCourse::kPlan || !courses.follow_loss || !courses.plan_loss) return "";
   const long follow = tens_of_percent(*courses.follow_loss), plan = tens_of_percent(*courses.plan_loss);
   if (follow <= plan) return "";
-  return "; following is expected to lose " + std::to_string(follow) + " % in the coming second, this course " + std::to_string(plan) + " %";
+  return "; following is expected to lose " + std::to_string(follow) + " % in the coming second, this course " +
+         std::to_string(plan) + " %";
 }
 
 }  // namespace
@@ -68,7 +70,9 @@ std::string reason_text(const StepResult& step) {
   std::string text(explain(step.reason));
   if (!step.shot) return text;
   // These reasons say all.
-  if (step.reason == MoveReason::kAtDesiredPlace || step.reason == MoveReason::kPaused || step.reason == MoveReason::kBodyOverlap) return text;
+  if (step.reason == MoveReason::kAtDesiredPlace || step.reason == MoveReason::kPaused ||
+      step.reason == MoveReason::kBodyOverlap)
+    return text;
   const std::string hider = hider_text(*step.shot);
   return text + (hider.empty() ? limit_text(step.shot->limits) : hider) + loss_text(step.courses);
 }

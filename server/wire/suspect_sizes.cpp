@@ -63,8 +63,9 @@ std::vector<std::string> suspect_sizes(const SessionOptions& options) {
   if (!empty && scene_m < kShortestSceneM)
     warnings.push_back(sentence("open.scene: is %.4g m long, less than %g m", scene_m, kShortestSceneM) + kUnit);
   if (const double target_m = shortest_target_m(options); target_m > kLongestTargetM)
-    warnings.push_back(sentence("open.targets: each target is at least %.4g m long, more than %g m", target_m, kLongestTargetM) +
-                       "; check the convention's unit and the sizes of the targets");
+    warnings.push_back(
+        sentence("open.targets: each target is at least %.4g m long, more than %g m", target_m, kLongestTargetM) +
+        "; check the convention's unit and the sizes of the targets");
   return warnings;
 }
 

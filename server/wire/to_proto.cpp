@@ -106,7 +106,8 @@ constexpr double kWholeShare = 0.95;
 v1::TargetState state_of(const TargetSight& sight) {
   if (sight.picture_share <= 0) return v1::TARGET_STATE_OFF_SCREEN;
   if (sight.filtered_share <= 0) return v1::TARGET_STATE_OCCLUDED;
-  return sight.filtered_share * sight.picture_share >= kWholeShare ? v1::TARGET_STATE_VISIBLE : v1::TARGET_STATE_PARTIAL;
+  return sight.filtered_share * sight.picture_share >= kWholeShare ? v1::TARGET_STATE_VISIBLE
+                                                                   : v1::TARGET_STATE_PARTIAL;
 }
 
 void set(const SightForecast& forecast, v1::SightForecast& out) {
@@ -192,11 +193,13 @@ void set(const ShotReport& report, const Convention& c, v1::ShotReport& out) {
   constexpr double kFarOff = 1e3;
   set(report.asked.side_rad, report.now.side_rad, report.deviation.side, *out.mutable_side());
   set(report.asked.height_rad, report.now.height_rad, report.deviation.height, *out.mutable_height());
-  set(report.asked.distance_m / metres_per_unit, report.now.distance_m / metres_per_unit, report.deviation.size, *out.mutable_distance());
+  set(report.asked.distance_m / metres_per_unit, report.now.distance_m / metres_per_unit, report.deviation.size,
+      *out.mutable_distance());
   set(0.0, std::min(report.off_place, kFarOff), report.deviation.place, *out.mutable_place());
   out.set_sight_loss(report.sight_loss);
   out.set_worth(report.worth);
-  constexpr v1::ShotLimit kLimits[] = {v1::SHOT_LIMIT_MIN_DISTANCE, v1::SHOT_LIMIT_MAX_DISTANCE, v1::SHOT_LIMIT_MIN_ELEVATION, v1::SHOT_LIMIT_MAX_ELEVATION,
+  constexpr v1::ShotLimit kLimits[] = {v1::SHOT_LIMIT_MIN_DISTANCE, v1::SHOT_LIMIT_MAX_DISTANCE,
+                                       v1::SHOT_LIMIT_MIN_ELEVATION, v1::SHOT_LIMIT_MAX_ELEVATION,
                                        v1::SHOT_LIMIT_PICTURE};
   for (size_t i = 0; i < std::size(kLimits); ++i)
     if (report.limits >> i & 1u) out.add_limits(kLimits[i]);
@@ -314,8 +317,8 @@ bool mirrors_disagree(const Error& error) {
 
 }  // namespace
 
-void camera_reply_to_proto(const SessionAnswer& answer, const Session& session,
-                           const DiagnosticsWanted& wanted, v1::CameraReply& out) {
+void camera_reply_to_proto(const SessionAnswer& answer, const Session& session, const DiagnosticsWanted& wanted,
+                           v1::CameraReply& out) {
   const StepResult& step = answer.step;
   const Convention& c = session.convention();
   out.Clear();
@@ -349,8 +352,7 @@ void camera_reply_to_proto(const SessionAnswer& answer, const Session& session,
   if (wanted.depth_maps) add_depth_maps(session, out);
 }
 
-void tick_error_to_proto(const Error& error, uint64_t sequence, const SceneMirror* mirror,
-                        v1::TickError& out) {
+void tick_error_to_proto(const Error& error, uint64_t sequence, const SceneMirror* mirror, v1::TickError& out) {
   out.Clear();
   out.set_sequence(sequence);
   out.set_code(to_proto(error.code));

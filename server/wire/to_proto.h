@@ -11,8 +11,8 @@ namespace sightline {
 
 // Fills `out` with a step's answer. `session` must be the one that gave it, without a step since, because `wanted`
 // may ask for its intermediate results. Clears `out` first and reuses its memory. Single-threaded, like the session.
-void camera_reply_to_proto(const SessionAnswer& answer, const Session& session,
-                           const DiagnosticsWanted& wanted, v1::CameraReply& out);
+void camera_reply_to_proto(const SessionAnswer& answer, const Session& session, const DiagnosticsWanted& wanted,
+                           v1::CameraReply& out);
 
 // Fills `out` with the reason why tick `sequence` was refused. Asks for a resync if a mirror is given and the error
 // shows that client and mirror hold different instances: an unknown or taken id, or another revision.

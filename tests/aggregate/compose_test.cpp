@@ -22,8 +22,7 @@ glm::dvec3 random_vector(CounterRandom& random, double size) {
 }
 
 // Returns whether a straight line from eye to point crosses a box, by the slab method. It shares no code with the maps.
-bool box_blocks(const glm::dvec3& eye, const glm::dvec3& point, const glm::dvec3& center,
-                const glm::dvec3& half) {
+bool box_blocks(const glm::dvec3& eye, const glm::dvec3& point, const glm::dvec3& center, const glm::dvec3& half) {
   double enter = 0, leave = 1;
   for (int axis = 0; axis < 3; ++axis) {
     const double d = point[axis] - eye[axis];
@@ -55,8 +54,7 @@ TEST_P(ComposeManyTargets, AgreesWithStraightLinesAtTexelCentres) {
     const glm::vec3 half(random.next_in(0.1, 0.6), random.next_in(0.1, 0.6), random.next_in(0.1, 0.6));
     const glm::dvec3 at = random_vector(random, 3.0);
     boxes.emplace_back(at, half);
-    delta.add.push_back(
-        {id, *store.intern(*tessellate(BoxShape{half})), Pose{at, {1, 0, 0, 0}}, glm::dmat3(1), {}});
+    delta.add.push_back({id, *store.intern(*tessellate(BoxShape{half})), Pose{at, {1, 0, 0, 0}}, glm::dmat3(1), {}});
   }
   ASSERT_TRUE(mirror.apply(delta, {}));
   const Bound bound = ball({0, 0, 6}, 1.5);
@@ -79,17 +77,14 @@ TEST_P(ComposeManyTargets, AgreesWithStraightLinesAtTexelCentres) {
     CandidateSet candidates;
     for (int y = 0; y < 7; ++y)
       for (int x = 0; x < 7; ++x)
-        candidates.add(eyes[t] +
-                       glm::normalize(texel_direction(views[ranges[t].first], x, y)) * random.next_in(4, 12));
+        candidates.add(eyes[t] + glm::normalize(texel_direction(views[ranges[t].first], x, y)) * random.next_in(4, 12));
     const std::vector<MapRange> points = one_each(ranges.size());
     composer.set_positions(candidates.position_m);
     composer.visibility({maps, ranges, points}, 1e-5, candidates.visible_targets);
     for (size_t i = 0; i < candidates.size(); ++i) {
       bool blocked = false;
-      for (const auto& [center, half] : boxes)
-        blocked |= box_blocks(eyes[t], candidates.position_m[i], center, half);
-      EXPECT_EQ((candidates.visible_targets[i] >> t & 1) == 0, blocked)
-          << "target " << t << " candidate " << i;
+      for (const auto& [center, half] : boxes) blocked |= box_blocks(eyes[t], candidates.position_m[i], center, half);
+      EXPECT_EQ((candidates.visible_targets[i] >> t & 1) == 0, blocked) << "target " << t << " candidate " << i;
       ++(blocked ? hidden : visible);
     }
   }

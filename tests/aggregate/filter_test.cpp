@@ -14,8 +14,7 @@ constexpr double kDt = 1.0 / 60;
 
 PlainPast past(const char* steps) {
   PlainPast p;
-  for (; *steps; ++steps)
-    p.push_back(*steps == 'v' ? Seen::kVisible : *steps == '.' ? Seen::kHidden : Seen::kUnknown);
+  for (; *steps; ++steps) p.push_back(*steps == 'v' ? Seen::kVisible : *steps == '.' ? Seen::kHidden : Seen::kUnknown);
   return p;
 }
 
@@ -32,8 +31,7 @@ TEST(JointFilter, EqualsThePlainCountOnRandomPasts) {
     const size_t targets = 1 + random.next_below(seed % 10 == 0 ? 12 : 3);
     std::vector<PlainPast> pasts;
     for (size_t i = 0; i < targets; ++i)
-      pasts.push_back(
-          random_past(random, random.next_below(90), 1 + random.next_below(20), random.next_below(6)));
+      pasts.push_back(random_past(random, random.next_below(90), 1 + random.next_below(20), random.next_below(6)));
     const auto records = as_records(pasts);
     for (const double alpha : {0.0, 0.25, 1.0 / 3, 0.5, 0.6, 0.9, 1.0}) {
       const int n = 1 + static_cast<int>(random.next_below(64));
@@ -106,8 +104,7 @@ TEST(JointFilter, OnlyTheTargetsAskedForMakeUpTheState) {
 // The same rules over lists of all steps.
 class PlainSwitch {
  public:
-  PlainSwitch(const FilterSettings& settings, const FilterSteps& steps)
-      : settings_(settings), steps_(steps) {}
+  PlainSwitch(const FilterSettings& settings, const FilterSteps& steps) : settings_(settings), steps_(steps) {}
 
   bool see(Seen seen) {
     past_.push_back(seen);
@@ -263,11 +260,11 @@ TEST(TargetFilter, NoticesALastingOcclusionInTimeWhateverCameBefore) {
     CounterRandom random(seed, 5, RandomPurpose::kTest);
     const FilterSettings settings = seed % 2 == 0 ? FilterSettings{} : random_settings(random);
     const FilterSteps steps = filter_steps(settings, kDt);
-    const PlainPast before =
-        random_past(random, random.next_below(150), 1 + random.next_below(30), random.next_below(5));
+    const PlainPast before = random_past(random, random.next_below(150), 1 + random.next_below(30),
+                                         random.next_below(5));
     const int reaction = reaction_steps(before, settings, kDt);
-    const double bound =
-        std::max({(1 - settings.hidden_threshold) * steps.window + 1, 1.0 * steps.min_occlusion, 1.0 * steps.hold});
+    const double bound = std::max(
+        {(1 - settings.hidden_threshold) * steps.window + 1, 1.0 * steps.min_occlusion, 1.0 * steps.hold});
     ASSERT_LE(reaction, bound) << seed;
     if (seed % 2 == 0) {
       ASSERT_LE(reaction * kDt, 0.35) << seed;
@@ -307,8 +304,7 @@ TEST(TargetFilter, TwiceInOneStepIsAsOnce) {
   const PlainPast steps = random_past(random, 500, 12, 6);
   TargetSwitch once, twice;
   for (size_t i = 0; i < steps.size(); ++i) {
-    const VisibilityRecord record =
-        as_record(PlainPast(steps.begin(), steps.begin() + static_cast<long>(i) + 1));
+    const VisibilityRecord record = as_record(PlainPast(steps.begin(), steps.begin() + static_cast<long>(i) + 1));
     update(once, record, i, filter_steps({}, kDt), {});
     for (int k = 0; k < 2; ++k) update(twice, record, i, filter_steps({}, kDt), {});
     ASSERT_EQ(once.visible, twice.visible);

@@ -53,7 +53,8 @@ TEST(HiddenAhead, AShareIsKnownAtItsTimeFromItsFirstEstimateOn) {
   ahead.advance(lattice, 3 * kSliceS);
   EXPECT_NEAR(share_at(ahead, 2, lattice), 0.625, kRounding) << "it has come nearer";
   ahead.advance(lattice, 3 * kSliceS);
-  for (size_t slice = 0; slice < kSlices; ++slice) EXPECT_EQ(ahead.shares(slice)[lattice.addresses()[0]], kUnknownShare) << "it has passed";
+  for (size_t slice = 0; slice < kSlices; ++slice)
+    EXPECT_EQ(ahead.shares(slice)[lattice.addresses()[0]], kUnknownShare) << "it has passed";
 }
 
 TEST(HiddenAhead, TheOldestEstimatesAreDueFirstAndEachInTurn) {
@@ -77,8 +78,10 @@ TEST(HiddenAhead, TheOldestEstimatesAreDueFirstAndEachInTurn) {
         EXPECT_TRUE(is_due || last[slice.slice] <= last[other]) << "step " << step;
       }
     }
-    for (const DueSlice& slice : due) ahead.renew(slice.slice, lattice, all(lattice, 0.5f), 0.5), last[slice.slice] = step;
-    EXPECT_TRUE(step <= 4 || *std::min_element(last.begin(), last.end()) >= step - 5) << "each is renewed every fourth step or so";
+    for (const DueSlice& slice : due)
+      ahead.renew(slice.slice, lattice, all(lattice, 0.5f), 0.5), last[slice.slice] = step;
+    EXPECT_TRUE(step <= 4 || *std::min_element(last.begin(), last.end()) >= step - 5)
+        << "each is renewed every fourth step or so";
   }
 }
 
@@ -111,7 +114,8 @@ TEST(HiddenAhead, OfTwoKnownSlicesThatAreEquallyNearTheLaterCounts) {
   ahead.renew(6, lattice, all(lattice, 0.75f), 1.0);
   const SharePart early = ahead.shares(2)[address], late = ahead.shares(6)[address];
   ASSERT_NE(early, late);
-  for (size_t slice = 0; slice < kSlices; ++slice) EXPECT_EQ(ahead.nearest_known(slice, address), slice < 4 ? early : late) << slice;
+  for (size_t slice = 0; slice < kSlices; ++slice)
+    EXPECT_EQ(ahead.nearest_known(slice, address), slice < 4 ? early : late) << slice;
 }
 
 TEST(HiddenAhead, RestartsAsANewOne) {

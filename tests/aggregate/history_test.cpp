@@ -54,8 +54,7 @@ std::vector<int> random_targets(CounterRandom& random, size_t before) {
   std::vector<int> old_of_new;
   for (size_t i = 0; i < before; ++i)
     if (random.next_below(4) != 0) old_of_new.push_back(static_cast<int>(i));
-  for (size_t i = old_of_new.size(); i > 1; --i)
-    std::swap(old_of_new[i - 1], old_of_new[random.next_below(i)]);
+  for (size_t i = old_of_new.size(); i > 1; --i) std::swap(old_of_new[i - 1], old_of_new[random.next_below(i)]);
   while (old_of_new.size() < kHistorySteps / 2 && random.next_below(3) != 0) old_of_new.push_back(-1);
   return old_of_new;
 }

@@ -125,7 +125,8 @@ TEST(Lattice, RowsEndWhereTheBallDoesToTheBit) {
   }
 }
 
-// The ball's outermost point on one side is a lattice point, to the bit, while the row's other end lies between two points.
+// The ball's outermost point on one side is a lattice point, to the bit, while the row's other end lies between two
+// points.
 TEST(Lattice, APointOnTheSurfaceBelongsToItsRow) {
   for (const double side : {-1.0, 1.0}) {
     Lattice lattice;
@@ -166,7 +167,8 @@ TEST(Lattice, KeepsItsCellsWhileTheRadiusGoesToAndFroAndWhileItGrowsWithinASpaci
     EXPECT_EQ(lattice.owner(*middle), owner) << factor;
   }
   lattice.cover(ball({}, 0.95 * at_m), 343);
-  EXPECT_EQ(lattice.spacing_m(), lattice_spacing_m(0.95 * at_m, 343)) << "too small a ball takes the spacing that fits it";
+  EXPECT_EQ(lattice.spacing_m(), lattice_spacing_m(0.95 * at_m, 343))
+      << "too small a ball takes the spacing that fits it";
   lattice.cover(ball({}, 1.3 * at_m), 343);
   EXPECT_EQ(lattice.spacing_m(), lattice_spacing_m(1.3 * at_m, 343));
 }

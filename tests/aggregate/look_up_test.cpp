@@ -62,7 +62,8 @@ Case random_case(CounterRandom& random) {
   return c;
 }
 
-// Candidates at the window's edges, on the texels' rays and in the middle between them, exactly at the texel's depth: the last bit decides.
+// Candidates at the window's edges, on the texels' rays and in the middle between them, exactly at the texel's depth:
+// the last bit decides.
 void add_places_on_edges(CounterRandom& random, Case& c) {
   for (const DepthMap& map : c.maps)
     for (int i = 0; i < 200; ++i) {
@@ -70,9 +71,12 @@ void add_places_on_edges(CounterRandom& random, Case& c) {
                 y = static_cast<int>(random.next_in(0, map.view.height + 1));
       MapView edges = map.view;
       const double kind = random.next_unit();
-      if (kind < 0.3) edges.jitter = glm::dvec2(0.0);
-      else if (kind < 0.6) edges.jitter.x = 0.0;
-      else if (kind < 0.9) edges.jitter.x -= 0.5;
+      if (kind < 0.3)
+        edges.jitter = glm::dvec2(0.0);
+      else if (kind < 0.6)
+        edges.jitter.x = 0.0;
+      else if (kind < 0.9)
+        edges.jitter.x -= 0.5;
       const glm::dvec3 along = glm::normalize(texel_direction(edges, x, y));
       const double far_m = map.distance_at(std::min(x, map.view.width - 1), std::min(y, map.view.height - 1));
       const double at_m = std::isfinite(far_m) && far_m > 0 ? far_m * (1 + c.bias) : random.next_in(0.1, 9);
@@ -86,7 +90,8 @@ void add_places_on_edges(CounterRandom& random, Case& c) {
 }
 
 // All candidates, tile by tile.
-std::vector<uint8_t> look_at_all(LookUp& look_up_all, const Case& c, std::span<const uint8_t> passes, bool& any_passing) {
+std::vector<uint8_t> look_at_all(LookUp& look_up_all, const Case& c, std::span<const uint8_t> passes,
+                                 bool& any_passing) {
   std::vector<uint8_t> sights;
   look_up_all.set_places(c.places);
   look_up_all.begin_maps(c.bias, passes);
@@ -146,9 +151,11 @@ TEST(LookUp, TheRayThatPassesNearestDecides) {
   int at_the_edge = 0;
   for (int trial = 0; trial < 5000; ++trial) {
     DepthMap map;
-    map.view.width = 1 + static_cast<int>(random.next_below(9)), map.view.height = 1 + static_cast<int>(random.next_below(9));
+    map.view.width = 1 + static_cast<int>(random.next_below(9)),
+    map.view.height = 1 + static_cast<int>(random.next_below(9));
     map.view.jitter = {random.next_unit(), random.next_unit()};
-    for (int i = 0; i < map.view.width * map.view.height; ++i) map.distance_m.push_back(random.next_unit() < 0.5 ? 1.0f : 100.0f);
+    for (int i = 0; i < map.view.width * map.view.height; ++i)
+      map.distance_m.push_back(random.next_unit() < 0.5 ? 1.0f : 100.0f);
     map.occluder.assign(map.distance_m.size(), 5);
     const glm::dvec3 place_m(random.next_in(-9, 9), random.next_in(-9, 9), -9);
     const auto nearest = [&](double at_window, int count, double jitter) {
@@ -158,7 +165,8 @@ TEST(LookUp, TheRayThatPassesNearestDecides) {
         if (away(k) < away(best)) best = k;
       return best;
     };
-    const int x = nearest(place_m.x, map.view.width, map.view.jitter.x), y = nearest(place_m.y, map.view.height, map.view.jitter.y);
+    const int x = nearest(place_m.x, map.view.width, map.view.jitter.x),
+              y = nearest(place_m.y, map.view.height, map.view.jitter.y);
     const Sight sight = look_up(std::span(&map, 1), place_m, 0.0);
     EXPECT_TRUE(sight.known);
     EXPECT_EQ(sight.visible, map.distance_at(x, y) == 100.0f) << trial;

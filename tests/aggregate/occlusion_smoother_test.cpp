@@ -11,8 +11,8 @@
 namespace sightline {
 namespace {
 
-// The bound moves over the lattice. The reference keeps a low-pass value for each lattice point and drops it when the point is out of the
-// bound for a step.
+// The bound moves over the lattice. The reference keeps a low-pass value for each lattice point and drops it when the
+// point is out of the bound for a step.
 TEST(OcclusionSmoother, AreALowPassAndStartAgain) {
   CounterRandom random(81, 0, RandomPurpose::kTest);
   using Key = std::array<long, 3>;

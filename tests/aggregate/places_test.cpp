@@ -140,8 +140,7 @@ TEST(Places, OfRunsAreComposedAsPlacesOneByOne) {
       for (uint32_t target = 0; target < 3; ++target) {
         uint32_t seen = 0;
         for (uint32_t point = 3 * target; point < 3 * target + 3; ++point)
-          seen += look_up(std::span(maps).subspan(of_point[point].first, of_point[point].count), place_m[i],
-                          0.001)
+          seen += look_up(std::span(maps).subspan(of_point[point].first, of_point[point].count), place_m[i], 0.001)
                       .visible;
         ASSERT_EQ((seen_of_runs[i] >> target & 1u) != 0, is_enough(seen, 3, 0.5));
       }

@@ -18,11 +18,10 @@ Bound ball(const glm::dvec3& center, double radius) {
 TEST(Plan, ViewsTogetherShowEveryPointOfTheBall) {
   CounterRandom random(31, 0, RandomPurpose::kTest);
   for (int trial = 0; trial < 3000; ++trial) {
-    const Bound bound =
-        ball({random.next_in(-9, 9), random.next_in(-9, 9), random.next_in(-9, 9)}, random.next_in(0.1, 3));
+    const Bound bound = ball({random.next_in(-9, 9), random.next_in(-9, 9), random.next_in(-9, 9)},
+                             random.next_in(0.1, 3));
     const glm::dvec3 direction(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1));
-    const glm::dvec3 eye =
-        bound.center_m + glm::normalize(direction) * (bound.radius_m * random.next_in(0.0, 4.0));
+    const glm::dvec3 eye = bound.center_m + glm::normalize(direction) * (bound.radius_m * random.next_in(0.0, 4.0));
     std::vector<MapView> views;
     const int count = plan_views(eye, bound, {}, {0.5, 0.5}, views);
     ASSERT_EQ(static_cast<size_t>(count), views.size());
@@ -84,8 +83,7 @@ TEST(Plan, ATexelShowsWhatItsRayHits) {
   plan_views({1, 2, 3}, ball({4, 1, -2}, 1.2), {.resolution = 9}, {0.2, 0.9}, views);
   for (int y = 0; y < 9; ++y)
     for (int x = 0; x < 9; ++x) {
-      const MapPoint at =
-          project(views[0], views[0].eye_m + texel_direction(views[0], x, y) * random.next_in(0.1, 20));
+      const MapPoint at = project(views[0], views[0].eye_m + texel_direction(views[0], x, y) * random.next_in(0.1, 20));
       EXPECT_TRUE(at.in_window);
       EXPECT_NEAR(at.x, x + 0.2, 1e-9);
       EXPECT_NEAR(at.y, y + 0.9, 1e-9);

@@ -76,14 +76,12 @@ TEST(ShareWindow, EqualsAPlainListWhenTargetsComeAndGo) {
     }
     if (random.next_below(200) == 0) window.forget(), plain.forget();
     // The window spans from many short steps down to less than one long step.
-    const double dt_s =
-        random.next_below(20) == 0 ? 0.3 : random.next_in(0.0, step % 1000 < 500 ? 0.005 : 0.03);
+    const double dt_s = random.next_below(20) == 0 ? 0.3 : random.next_in(0.0, step % 1000 < 500 ? 0.005 : 0.03);
     window.begin_step(ids, dt_s);
     plain.begin_step(ids, dt_s);
     for (size_t i = 0; i < ids.size(); ++i) {
       const uint32_t points = random.next_below(9);
-      const uint32_t seen =
-          step % 40 < 20 ? points - random.next_below(points / 4 + 1) : random.next_below(points + 1);
+      const uint32_t seen = step % 40 < 20 ? points - random.next_below(points / 4 + 1) : random.next_below(points + 1);
       window.add(i, seen, points);
       plain.add(ids[i], seen, points);
     }

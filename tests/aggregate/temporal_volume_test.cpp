@@ -66,8 +66,8 @@ Place place_of(const Lattice& lattice, size_t i) {
   return {static_cast<int>(p.x), static_cast<int>(p.y), static_cast<int>(p.z)};
 }
 
-// The reference: every lattice point of the world has a list for each target. Entries are unknown while the bound is elsewhere. A point
-// loses its lists when another point takes over its address.
+// The reference: every lattice point of the world has a list for each target. Entries are unknown while the bound is
+// elsewhere. A point loses its lists when another point takes over its address.
 class PlainWorld {
  public:
   void begin_step() {
@@ -112,8 +112,7 @@ TEST(TemporalVolume, IsThePlainFilterOfEveryPlaceUnderAMovingBound) {
         ASSERT_EQ(f.out[i] >> t & 1u, plain.visible[t] ? 1u : 0u) << "step " << step;
         float seen = 0, known = 0;
         for (int k = 0; k < settings.n; ++k)
-          seen += steps_before(pasts[t], k) == Seen::kVisible,
-              known += steps_before(pasts[t], k) != Seen::kUnknown;
+          seen += steps_before(pasts[t], k) == Seen::kVisible, known += steps_before(pasts[t], k) != Seen::kUnknown;
         ASSERT_FLOAT_EQ(f.share(i, t), seen / known);
       }
       if (pasts[0].size() > 5 && steps_before(pasts[0], 1) == Seen::kUnknown) ++returned;

@@ -45,8 +45,8 @@ TEST(ViewpointMap, EachViewpointIsTheNearestOneToItself) {
   }
 }
 
-// Viewpoints are spread evenly over all azimuths, from level to almost overhead, at four distances of which the third is the
-// given one. No viewpoint occurs twice.
+// Viewpoints are spread evenly over all azimuths, from level to almost overhead, at four distances of which the third
+// is the given one. No viewpoint occurs twice.
 TEST(ViewpointMap, PlacesStandRoundTheCentre) {
   const ViewpointMap viewpoints = viewpoints_of({1}, 7.0);
   std::set<long> azimuths, elevations, distances;
@@ -101,9 +101,7 @@ TEST_P(ViewpointMapLearning, IsALowPassOfWhatTheTargetSees) {
   CounterRandom random(51, static_cast<uint64_t>(GetParam()), RandomPurpose::kTest);
   ViewpointMap viewpoints = viewpoints_of({1, 2}, 6.0);
   std::vector<std::vector<double>> expected(2, std::vector<double>(ViewpointMap::kViewpoints, 1.0));
-  const auto small = [&] {
-    return glm::dvec3(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1));
-  };
+  const auto small = [&] { return glm::dvec3(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1)); };
   glm::dvec3 center(10'000, 3, -10'000);
   int seen = 0, hidden = 0;
   for (int step = 0; step < 24; ++step) {
@@ -170,8 +168,7 @@ TEST(ViewpointMap, TargetsThatAreThereAgainKeepWhatWasLearnt) {
   const auto one = shares(viewpoints, 0), two = shares(viewpoints, 1), three = shares(viewpoints, 2);
   const std::vector<float> unknown(ViewpointMap::kViewpoints, 1.0f);
   ASSERT_NE(one, two);
-  const auto expect = [&](std::vector<uint64_t> ids, const std::vector<std::vector<float>>& expected,
-                          bool complete) {
+  const auto expect = [&](std::vector<uint64_t> ids, const std::vector<std::vector<float>>& expected, bool complete) {
     viewpoints.follow(ids, 6.0);
     ASSERT_EQ(viewpoints.target_count(), ids.size());
     for (size_t i = 0; i < ids.size(); ++i) EXPECT_EQ(shares(viewpoints, i), expected[i]) << "target " << ids[i];
@@ -211,8 +208,7 @@ TEST(ViewpointMap, BesideIsTheMeanOfThePlacesNextToItAtThatDistance) {
   for (size_t place = 0; place < ViewpointMap::kViewpoints; ++place)
     steps.push_back(elevation_rad(viewpoints.offset_m(place)));
   std::sort(steps.begin(), steps.end());
-  steps.erase(std::unique(steps.begin(), steps.end(), [](double a, double b) { return b - a < 1e-9; }),
-              steps.end());
+  steps.erase(std::unique(steps.begin(), steps.end(), [](double a, double b) { return b - a < 1e-9; }), steps.end());
   const auto level = [&](const glm::dvec3& offset) {
     return std::lower_bound(steps.begin(), steps.end(), elevation_rad(offset) - 1e-6) - steps.begin();
   };
@@ -240,11 +236,8 @@ TEST(ViewpointMap, LearnsFromRaysThatAWallHidesOneSide) {
   GeometryStore store;
   SceneMirror mirror;
   SceneDelta delta;
-  delta.add.push_back({1,
-                       *store.intern(*tessellate(BoxShape{{0.1f, 20, 20}})),
-                       Pose{{1, 0, 0}, {1, 0, 0, 0}},
-                       glm::dmat3(1),
-                       {}});
+  delta.add.push_back(
+      {1, *store.intern(*tessellate(BoxShape{{0.1f, 20, 20}})), Pose{{1, 0, 0}, {1, 0, 0, 0}}, glm::dmat3(1), {}});
   ASSERT_TRUE(mirror.apply(delta, {}));
   std::vector<MapView> views;
   plan_round({0.011, 0.017, 0.023}, 8, {0.3, 0.6}, views);
@@ -258,7 +251,8 @@ TEST(ViewpointMap, LearnsFromRaysThatAWallHidesOneSide) {
   for (size_t place = 0; place < ViewpointMap::kViewpoints; ++place) {
     const glm::dvec3 offset = viewpoints.offset_m(place);
     const double x = offset.x;
-    // The ray that decides passes up to half a texel away, across the view axis of its face. Only the axis x is at right angles to the wall.
+    // The ray that decides passes up to half a texel away, across the view axis of its face. Only the axis x is at
+    // right angles to the wall.
     const double texel_m = 2.0 / 8 * std::max(std::abs(offset.y), std::abs(offset.z));
     if (std::abs(x - 1) < texel_m) continue;
     EXPECT_EQ(viewpoints.share(0, place), x > 1 ? 0.0f : 1.0f) << "x " << x;

@@ -81,7 +81,8 @@ TEST(ConnectionFlagsOfACommand, EachFlagHasAFieldOfItsOwn) {
   CLI::App command;
   ConnectionFlags flags;
   add_connection_flags(command, flags);
-  command.parse(std::vector<std::string>{"t", "--token-file", "k", "--tls-key", "c", "--tls-cert", "r", "--tls-roots", "--tls"});
+  command.parse(
+      std::vector<std::string>{"t", "--token-file", "k", "--tls-key", "c", "--tls-cert", "r", "--tls-roots", "--tls"});
   EXPECT_TRUE(flags.tls);
   EXPECT_EQ(flags.roots + flags.certificate + flags.key + flags.token, "rckt");
 }

@@ -32,9 +32,9 @@ TEST(Hash, HexIsReadBackUnchanged) {
 }
 
 TEST(Hash, AnythingButThirtyTwoDigitsIsRefusedAndLeavesTheValue) {
-  for (const char* text : {"", "0123456789abcdef0123456789abcde", "0123456789abcdef0123456789abcdef0",
-                           "-123456789abcdef0123456789abcdef", "0x23456789abcdef0123456789abcdef",
-                           "0123456789abcdef 123456789abcdef", "0123456789abcdef0123456789abcdeg"}) {
+  for (const char* text :
+       {"", "0123456789abcdef0123456789abcde", "0123456789abcdef0123456789abcdef0", "-123456789abcdef0123456789abcdef",
+        "0x23456789abcdef0123456789abcdef", "0123456789abcdef 123456789abcdef", "0123456789abcdef0123456789abcdeg"}) {
     ContentHash hash{7, 8};
     EXPECT_FALSE(from_hex(text, hash)) << text;
     EXPECT_EQ(hash, (ContentHash{7, 8}));

@@ -15,14 +15,16 @@ constexpr uint64_t kMib = 1 << 20;
 
 TEST(MemoryBudget, ReadsLimits) {
   EXPECT_EQ(parse_memory_max("536870912\n"), 512 * kMib);
-  for (const char* none : {"max\n", "9223372036854771712\n", "0", "", "-1", "x"}) EXPECT_FALSE(parse_memory_max(none)) << none;
+  for (const char* none : {"max\n", "9223372036854771712\n", "0", "", "-1", "x"})
+    EXPECT_FALSE(parse_memory_max(none)) << none;
 }
 
 TEST(MemoryBudget, FindsTheGroupsOfAProcess) {
   const ControlGroupPaths second = parse_control_groups("0::/pod/game\n");
   EXPECT_EQ(second.unified, "/pod/game");
   EXPECT_EQ(second.memory, "");
-  const ControlGroupPaths first = parse_control_groups("9:name=systemd:/x\n4:cpu,memory:/pod:1/game\n3:cpuset:/y\n0::/\n");
+  const ControlGroupPaths first = parse_control_groups(
+      "9:name=systemd:/x\n4:cpu,memory:/pod:1/game\n3:cpuset:/y\n0::/\n");
   EXPECT_EQ(first.memory, "/pod:1/game");
   EXPECT_EQ(first.unified, "/");
   EXPECT_EQ(parse_control_groups("nonsense\n\n").unified, "");

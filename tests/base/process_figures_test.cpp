@@ -29,9 +29,12 @@ uint64_t number_after(const std::string& file, const std::string& word) {
 
 TEST(ProcessFigures, AreThoseOfTheKernelsOtherFiles) {
   const ProcessFigures figures = process_figures();
-  const uint64_t resident_bytes = number_after("status", "VmRSS:") * 1024, virtual_bytes = number_after("status", "VmSize:") * 1024;
-  EXPECT_NEAR(static_cast<double>(figures.resident_bytes), static_cast<double>(resident_bytes), 0.2 * static_cast<double>(resident_bytes));
-  EXPECT_NEAR(static_cast<double>(figures.virtual_bytes), static_cast<double>(virtual_bytes), 0.05 * static_cast<double>(virtual_bytes));
+  const uint64_t resident_bytes = number_after("status", "VmRSS:") * 1024,
+                 virtual_bytes = number_after("status", "VmSize:") * 1024;
+  EXPECT_NEAR(static_cast<double>(figures.resident_bytes), static_cast<double>(resident_bytes),
+              0.2 * static_cast<double>(resident_bytes));
+  EXPECT_NEAR(static_cast<double>(figures.virtual_bytes), static_cast<double>(virtual_bytes),
+              0.05 * static_cast<double>(virtual_bytes));
   EXPECT_EQ(figures.max_descriptors, number_after("limits", "Max open files"));
   EXPECT_EQ(figures.threads, number_after("status", "Threads:"));
 }

@@ -18,14 +18,17 @@ using namespace std::chrono_literals;
 
 class ChildProcessTest : public testing::Test {
  protected:
-  Result<std::unique_ptr<ChildProcess>> run(const std::string& script) { return ChildProcess::start("/bin/sh", {"-c", script}, folder_ / "log"); }
+  Result<std::unique_ptr<ChildProcess>> run(const std::string& script) {
+    return ChildProcess::start("/bin/sh", {"-c", script}, folder_ / "log");
+  }
   std::string ready() const { return folder_ / "ready"; }
 
   test::TemporaryFolder folder_;
 };
 
 TEST_F(ChildProcessTest, ALineIsWaitedForUntilItIsWhole) {
-  const auto child = run("printf 127.0.0 > " + ready() + "; sleep 0.1; printf '.1:5\\nmore\\n' >> " + ready() + "; exec sleep 60");
+  const auto child = run("printf 127.0.0 > " + ready() + "; sleep 0.1; printf '.1:5\\nmore\\n' >> " + ready() +
+                         "; exec sleep 60");
   ASSERT_TRUE(child.has_value());
   const auto line = (*child)->wait_for_line(ready(), 20s);
   ASSERT_TRUE(line.has_value()) << to_string(line.error());
@@ -71,7 +74,8 @@ TEST_F(ChildProcessTest, AProgramThatIsNotThereIsNotStarted) {
 }
 
 TEST_F(ChildProcessTest, IsToldToEndAndIsReaped) {
-  auto child = run("trap 'echo told > " + (folder_ / "told").string() + "; exit' TERM; echo up > " + ready() + "; while :; do sleep 0.02; done");
+  auto child = run("trap 'echo told > " + (folder_ / "told").string() + "; exit' TERM; echo up > " + ready() +
+                   "; while :; do sleep 0.02; done");
   ASSERT_TRUE(child.has_value());
   ASSERT_TRUE((*child)->wait_for_line(ready(), 20s).has_value());
   const pid_t pid = (*child)->pid();

@@ -32,7 +32,8 @@ TEST(ThreadPool, EveryPieceIsDoneWhenRunReturns) {
   }
 }
 
-// Threads that spin and threads that sleep. Each call is long enough for the helper to wake up, unless other processes take its core.
+// Threads that spin and threads that sleep. Each call is long enough for the helper to wake up, unless other processes
+// take its core.
 TEST(ThreadPool, HelpersJoinWhetherSpinningOrAsleep) {
   for (const auto pause : {std::chrono::microseconds(0), std::chrono::microseconds(2000)}) {
     ThreadPool pool(2);
@@ -51,7 +52,8 @@ TEST(ThreadPool, HelpersJoinWhetherSpinningOrAsleep) {
   }
 }
 
-// Only a run whose helper lost its core is followed by runs without helpers. The helper leaves each of these runs at once.
+// Only a run whose helper lost its core is followed by runs without helpers. The helper leaves each of these runs at
+// once.
 TEST(ThreadPool, AHelperThatLeavesInTimeComesToTheNextRunToo) {
   ThreadPool pool(2);
   bool before = false, twice = false;
@@ -68,7 +70,8 @@ TEST(ThreadPool, AHelperThatLeavesInTimeComesToTheNextRunToo) {
   EXPECT_TRUE(twice);
 }
 
-// A helper sees what was written before the call, and the caller sees what the helper wrote. ThreadSanitizer checks both.
+// A helper sees what was written before the call, and the caller sees what the helper wrote. ThreadSanitizer checks
+// both.
 TEST(ThreadPool, WorkIsSeenOnBothSides) {
   ThreadPool pool(3);
   std::vector<int> in(300), out(300);

@@ -113,9 +113,7 @@ TEST(LookRotation, IsDefinedEvenWhenTheRightHintIsParallelToo) {
 }
 
 TEST(AngleBetween, IsTheSmallestAngleAndIgnoresTheSignOfTheQuaternion) {
-  const auto about_y = [](double angle) {
-    return glm::dquat(std::cos(angle / 2), 0, std::sin(angle / 2), 0);
-  };
+  const auto about_y = [](double angle) { return glm::dquat(std::cos(angle / 2), 0, std::sin(angle / 2), 0); };
   EXPECT_NEAR(angle_between(about_y(0.3), about_y(1.0)), 0.7, 1e-12);
   EXPECT_NEAR(angle_between(about_y(0), about_y(1.5 * kPi)), 0.5 * kPi, 1e-12);
   EXPECT_NEAR(angle_between(about_y(0.4), -about_y(0.4)), 0.0, 1e-12);

@@ -55,7 +55,8 @@ TEST(WorkLimit, AddsUpTheThreadsAndEndsThemAll) {
   EXPECT_TRUE(late.ends());
 }
 
-// With the clock of above each look costs a second, whichever part looks. Ten nested parts that look in turns use 30 s, not 300.
+// With the clock of above each look costs a second, whichever part looks. Ten nested parts that look in turns use 30 s,
+// not 300.
 TEST(WorkLimit, TheTimeOfNestedPartsOfAThreadCountsOnce) {
   WorkLimit limit({.clock = a_second_a_look, .most_ns = 31'000'000'000});
   std::vector<std::unique_ptr<WorkLimit::Part>> parts;

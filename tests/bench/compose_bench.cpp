@@ -76,7 +76,8 @@ void visibility_and_hidden(benchmark::State& state) {
   for (auto _ : state) {
     composer.set_positions(scene.place_m);
     hidden.reset(scene.place_m.size());
-    composer.visibility_and_hidden(scene.sampled(), kBias, {scene.passes, scene.weight_of_target, 1.0}, visible, hidden);
+    composer.visibility_and_hidden(scene.sampled(), kBias, {scene.passes, scene.weight_of_target, 1.0}, visible,
+                                   hidden);
     benchmark::DoNotOptimize(visible.data());
   }
 }

@@ -42,8 +42,7 @@ EchoServer::EchoServer() = default;
 
 void EchoServer::take_calls() {
   const auto ask = [this](EchoCall::Incoming& incoming, void* tag) {
-    service_.RequestCall(&incoming.context, &incoming.responder, &loop_->queue(), &loop_->server_queue(),
-                         tag);
+    service_.RequestCall(&incoming.context, &incoming.responder, &loop_->queue(), &loop_->server_queue(), tag);
   };
   CallAcceptor<EchoCall::Incoming>::start(*loop_, ask, [this](std::unique_ptr<EchoCall::Incoming> incoming) {
     take_calls();

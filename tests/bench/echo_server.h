@@ -1,6 +1,6 @@
-// A bare gRPC echo: the lower bound of every round trip of `sightline bench --echo`. It uses the event loop and the channel
-// arguments of the daemon's listener, so its cost is the cost of gRPC. client/bench/protocol.h defines its messages; a message
-// without a header ends the stream, and no answer is longer than 4 MiB.
+// A bare gRPC echo: the lower bound of every round trip of `sightline bench --echo`. It uses the event loop and the
+// channel arguments of the daemon's listener, so its cost is the cost of gRPC. client/bench/protocol.h defines its
+// messages; a message without a header ends the stream, and no answer is longer than 4 MiB.
 #pragma once
 
 #include <grpcpp/generic/async_generic_service.h>

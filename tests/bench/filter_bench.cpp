@@ -1,8 +1,8 @@
 // Measures the cost of the temporal volume in a step (paper 5): pushing every cell of a lattice and filtering it. Rows
 // vary the mode, the number of candidates, the window and the targets. The time must follow the candidates and not the
 // window: O(g^3), not O(n g^3). `plain` computes the paper's sum over n steps directly. It does less (no gaps, no
-// shares, no switches; two targets), so compare how the two grow with n. `pairs` filters over pair volumes, whose candidates differ from step to step:
-// the time follows candidates times window, O(n g^3).
+// shares, no switches; two targets), so compare how the two grow with n. `pairs` filters over pair volumes, whose
+// candidates differ from step to step: the time follows candidates times window, O(n g^3).
 #include <benchmark/benchmark.h>
 
 #include <array>
@@ -48,9 +48,8 @@ std::vector<uint64_t> ids(int targets) {
 
 void report(benchmark::State& state, size_t cells) {
   state.counters["cells"] = static_cast<double>(cells);
-  state.counters["a_cell"] =
-      benchmark::Counter(static_cast<double>(cells),
-                         benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+  state.counters["a_cell"] = benchmark::Counter(
+      static_cast<double>(cells), benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
 }
 
 void run(benchmark::State& state, const FilterSettings& settings) {
@@ -123,9 +122,11 @@ PairStep pair_step(CounterRandom& random, const glm::dvec3& camera_m, int r) {
   if (make_pair_chain(targets_m, bound, r, glm::dvec2(0.5), step.chain) != PairGap::kNone) std::abort();
   const auto texels = static_cast<size_t>(r * r);
   for (uint32_t i = 0; i < 2; ++i) {
-    DepthMap map{chain_view(step.chain, i, glm::dvec2(0.5)), std::vector<float>(texels), std::vector<uint32_t>(texels, 0)};
+    DepthMap map{chain_view(step.chain, i, glm::dvec2(0.5)), std::vector<float>(texels),
+                 std::vector<uint32_t>(texels, 0)};
     const double away_m = glm::distance(targets_m[i], camera_m);
-    for (float& distance_m : map.distance_m) distance_m = static_cast<float>(random.next_in(0.7 * away_m, 1.4 * away_m));
+    for (float& distance_m : map.distance_m)
+      distance_m = static_cast<float>(random.next_in(0.7 * away_m, 1.4 * away_m));
     step.maps.push_back(std::move(map));
   }
   std::vector<glm::ivec3> texels_of_candidates;
@@ -137,7 +138,8 @@ void pairs(benchmark::State& state) {
   CounterRandom random(1, 0, RandomPurpose::kTest);
   std::vector<PairStep> steps;
   glm::dvec3 camera_m(0, 0.5, 6);
-  for (int k = 0; k < kRound; ++k) steps.push_back(pair_step(random, camera_m, static_cast<int>(state.range(0)))), camera_m.x += 0.02;
+  for (int k = 0; k < kRound; ++k)
+    steps.push_back(pair_step(random, camera_m, static_cast<int>(state.range(0)))), camera_m.x += 0.02;
   FilterSettings settings;
   settings.mode = FilterMode::kJoint;
   settings.n = static_cast<int>(state.range(1));
@@ -148,7 +150,8 @@ void pairs(benchmark::State& state) {
   for (auto _ : state) {
     const PairStep& now = steps[step++ % kRound];
     history.push(now.chain, now.maps, target_ids, 0.001, settings.n);
-    history.filter(now.candidates.position_m.view().singles_m(), now.candidates.visible_targets, target_ids, 3, settings, out);
+    history.filter(now.candidates.position_m.view().singles_m(), now.candidates.visible_targets, target_ids, 3,
+                   settings, out);
     candidates += now.candidates.size();
     benchmark::DoNotOptimize(out.data());
   }
@@ -156,15 +159,11 @@ void pairs(benchmark::State& state) {
 }
 
 BENCHMARK(pairs)->ArgNames({"r", "n"})->ArgsProduct({{7, 15}, {1, 5, 10, 15, 30, 60}});
-BENCHMARK(joint)
-    ->ArgNames({"candidates", "n", "targets"})
-    ->ArgsProduct({{343, 4096}, {5, 10, 15, 32, 64}, {2}});
+BENCHMARK(joint)->ArgNames({"candidates", "n", "targets"})->ArgsProduct({{343, 4096}, {5, 10, 15, 32, 64}, {2}});
 BENCHMARK(joint)->ArgNames({"candidates", "n", "targets"})->ArgsProduct({{343}, {10, 64}, {3, 8, 32}});
 BENCHMARK(per_target)->ArgNames({"candidates", "n", "targets"})->ArgsProduct({{343, 4096}, {5, 15, 60}, {2}});
 BENCHMARK(per_target)->ArgNames({"candidates", "n", "targets"})->ArgsProduct({{343}, {15}, {8, 32}});
-BENCHMARK(plain)
-    ->ArgNames({"candidates", "n", "targets"})
-    ->ArgsProduct({{343, 4096}, {5, 10, 15, 32, 64}, {2}});
+BENCHMARK(plain)->ArgNames({"candidates", "n", "targets"})->ArgsProduct({{343, 4096}, {5, 10, 15, 32, 64}, {2}});
 
 }  // namespace
 }  // namespace sightline

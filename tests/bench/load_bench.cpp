@@ -60,8 +60,7 @@ uint32_t cells_for(size_t triangles) {
 std::vector<std::byte> make_landscape(size_t triangles) {
   scenes::GlbWriter writer;
   const auto hills = [](float x, float z) { return 8.0f * std::sin(0.03f * x) * std::cos(0.041f * z); };
-  const int ground =
-      writer.add_mesh("ground", height_field(cells_for(triangles / 2), 600.0f, hills), glm::vec3(0.4f));
+  const int ground = writer.add_mesh("ground", height_field(cells_for(triangles / 2), 600.0f, hills), glm::vec3(0.4f));
   writer.add_node({.name = "ground", .mesh = ground, .extras = {}});
   for (int block = 0; block < kBlocks; ++block) {
     const float phase = static_cast<float>(block);
@@ -149,19 +148,23 @@ void print_time(const char* part, const Seconds& seconds) {
   std::printf("  %-32s %9.3f s %9.3f s of processor time\n", part, seconds.wall, seconds.cpu);
 }
 
-void measure_sampler(const char* name, SamplerDevice& device, const SceneMirror& mirror, size_t triangles, std::FILE* csv) {
+void measure_sampler(const char* name, SamplerDevice& device, const SceneMirror& mirror, size_t triangles,
+                     std::FILE* csv) {
   const size_t before = resident_bytes();
   const Seconds took = first_take(device, mirror);
   const size_t resident = std::max(resident_bytes(), before) - before;
   print_time(name, took);
   print_bytes("  as it says", device.geometry_bytes(), triangles);
   print_bytes("  resident", resident, triangles);
-  if (csv) std::fprintf(csv, ",%.4f,%.2f,%.2f", took.wall, each(device.geometry_bytes(), triangles), each(resident, triangles));
+  if (csv)
+    std::fprintf(csv, ",%.4f,%.2f,%.2f", took.wall, each(device.geometry_bytes(), triangles),
+                 each(resident, triangles));
 }
 
 // Each part's columns are written by the child that measured it.
 constexpr const char* kColumns =
-    "triangles,file_mb,scene_s,scene_cpu_s,source_bytes,cluster_bytes,scene_resident,embree_s,embree_bytes,embree_resident,egl_s,"
+    "triangles,file_mb,scene_s,scene_cpu_s,source_bytes,cluster_bytes,scene_resident,embree_s,embree_bytes,embree_"
+    "resident,egl_s,"
     "egl_bytes,egl_resident\n";
 
 void measure(const std::string& path, std::FILE* csv, const std::function<void(const SceneMirror&, size_t)>& take) {
@@ -182,8 +185,9 @@ void measure(const std::string& path, std::FILE* csv, const std::function<void(c
   print_bytes("  clusters and their tree", bytes.clusters, triangles);
   print_bytes("  resident", grown, triangles);
   if (csv)
-    std::fprintf(csv, "%zu,%.2f,%.4f,%.4f,%.2f,%.2f,%.2f", triangles, 1e-6 * static_cast<double>(std::filesystem::file_size(path)),
-                 best.wall, best.cpu, each(bytes.source, triangles), each(bytes.clusters, triangles), each(grown, triangles));
+    std::fprintf(csv, "%zu,%.2f,%.4f,%.4f,%.2f,%.2f,%.2f", triangles,
+                 1e-6 * static_cast<double>(std::filesystem::file_size(path)), best.wall, best.cpu,
+                 each(bytes.source, triangles), each(bytes.clusters, triangles), each(grown, triangles));
   take(scene->mirror, triangles);
 }
 
@@ -203,8 +207,8 @@ void in_child(const std::function<void()>& work) {
 }
 
 void measure_size(size_t triangles, std::FILE* csv) {
-  const std::string path =
-      (std::filesystem::temp_directory_path() / ("load_bench_" + std::to_string(getpid()) + ".glb"));
+  const std::string path = (std::filesystem::temp_directory_path() /
+                            ("load_bench_" + std::to_string(getpid()) + ".glb"));
   in_child([&] {
     const std::vector<std::byte> bytes = make_landscape(triangles);
     std::ofstream(path, std::ios::binary)
@@ -234,8 +238,10 @@ int main(int argc, char** argv) {
   std::vector<size_t> sizes;
   std::FILE* csv = nullptr;
   for (int i = 1; i < argc; ++i) {
-    if (std::string(argv[i]) == "--csv" && i + 1 < argc) csv = std::fopen(argv[++i], "w");
-    else sizes.push_back(std::strtoull(argv[i], nullptr, 10));
+    if (std::string(argv[i]) == "--csv" && i + 1 < argc)
+      csv = std::fopen(argv[++i], "w");
+    else
+      sizes.push_back(std::strtoull(argv[i], nullptr, 10));
   }
   if (sizes.empty()) sizes = {280'000, 2'800'000, 10'000'000};
   if (csv) std::fputs(sightline::kColumns, csv);

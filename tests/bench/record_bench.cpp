@@ -146,8 +146,7 @@ Hour record_hour(const std::string& folder, bool for_viewers, uint64_t ticks) {
     hour.wire_bytes = made_ticks[0].ByteSizeLong() + made_replies[0].ByteSizeLong();
     hour.path = folder + "/" + recording_name(now_ns - ticks * (kSecondNs / 60), info.session_id(), 1);
   }
-  hour.bytes_per_tick =
-      static_cast<double>(std::filesystem::file_size(hour.path)) / static_cast<double>(ticks);
+  hour.bytes_per_tick = static_cast<double>(std::filesystem::file_size(hour.path)) / static_cast<double>(ticks);
   return hour;
 }
 
@@ -162,8 +161,7 @@ void open_and_seek(const std::string& path) {
     if (!reader) return;
     const double opened = wall_s();
     const mcap::Statistics& all = reader->info().statistics;
-    const McapQuery query{.start_ns = all.start_time_ns / 2 + all.end_time_ns / 2,
-                          .topics = {"/sightline/reply"}};
+    const McapQuery query{.start_ns = all.start_time_ns / 2 + all.end_time_ns / 2, .topics = {"/sightline/reply"}};
     v1::CameraReply reply;
     const McapReadReport report = reader->read(query, [&](const McapMessage& m) {
       return !reply.ParseFromArray(m.message.data.data(), static_cast<int>(m.message.data.size()));
@@ -224,8 +222,7 @@ void measure_fold() {
 }
 
 void report(const char* name, const Hour& hour) {
-  std::printf("%s\n  caller, a tick and its reply  %8.0f ns (thread CPU, median of seconds)\n", name,
-              hour.caller_ns);
+  std::printf("%s\n  caller, a tick and its reply  %8.0f ns (thread CPU, median of seconds)\n", name, hour.caller_ns);
   std::printf("  writer, for them              %8.1f us (thread CPU, mean)\n", hour.writer_us);
   std::printf("  on the wire / on the disk     %8llu / %.0f bytes; %.1f MB an hour; dropped %llu\n",
               static_cast<unsigned long long>(hour.wire_bytes), hour.bytes_per_tick,

@@ -1,10 +1,11 @@
 // Measures reading and replaying a long recording: opening it, the first pose, a seek to the middle, and all steps
 // again as fast as possible. It reports how much of that last time is not the step itself.
 //
-//   replay_bench [--minutes 60] [--scene hall] [--preset sightline] [--points -1] [--sampler embree] [--file FILE] [--threads N]
+//   replay_bench [--minutes 60] [--scene hall] [--preset sightline] [--points -1] [--sampler embree] [--file FILE]
+//   [--threads N]
 //
-// Makes a recording of a scene that repeats, at 60 Hz, and prints the figures. --file keeps the recording; a file that exists is used
-// as it is. --points sets Sample.points; -1 keeps the preset's.
+// Makes a recording of a scene that repeats, at 60 Hz, and prints the figures. --file keeps the recording; a file that
+// exists is used as it is. --points sets Sample.points; -1 keeps the preset's.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
@@ -15,13 +16,13 @@
 #include <string>
 #include <vector>
 
-#include "client/replay/compare_replies.h"
+#include "client/base/wire_presets.h"
 #include "client/recordings/local_session.h"
 #include "client/recordings/writer.h"
+#include "client/replay/compare_replies.h"
 #include "client/replay/replay.h"
 #include "client/scenario/scenario.h"
 #include "client/scenario/scenario_session.h"
-#include "client/base/wire_presets.h"
 #include "scenes/catalog.h"
 #include "server/gl/software_renderer.h"
 #include "server/sample/sampler_choice.h"
@@ -56,8 +57,7 @@ double seconds_since(Clock::time_point start) {
 }
 
 std::unique_ptr<SamplerDevice> make_sampler(const std::string& name, size_t threads) {
-  auto chosen =
-      choose_sampler_device(name == "egl" ? SamplerChoice::kEgl : SamplerChoice::kEmbree, {}, threads);
+  auto chosen = choose_sampler_device(name == "egl" ? SamplerChoice::kEgl : SamplerChoice::kEmbree, {}, threads);
   return chosen ? std::move(chosen->device) : nullptr;
 }
 
@@ -77,8 +77,7 @@ Status make_recording(const Options& options, const std::string& path) {
   const std::string hash = to_hex((*asset)->hash);
   v1::OpenSession open = open_request(*scenario, hash, 1);
   open.mutable_settings()->set_preset(preset_named(options.preset).value());
-  if (options.points >= 0)
-    open.mutable_tuning()->mutable_sample()->set_points(static_cast<uint32_t>(options.points));
+  if (options.points >= 0) open.mutable_tuning()->mutable_sample()->set_points(static_cast<uint32_t>(options.points));
   const auto session = LocalSession::open(open, world);
   if (!session) return tl::unexpected(session.error());
   v1::RecordingInfo info;
@@ -92,8 +91,7 @@ Status make_recording(const Options& options, const std::string& path) {
   Status done = (*writer)->write(open, kStartNs);
   if (done) done = (*writer)->write((*session)->opened(), kStartNs);
   if (done)
-    done = (*writer)->attach({"upload/" + hash, {reinterpret_cast<const char*>(glb->data()), glb->size()}},
-                             kStartNs);
+    done = (*writer)->attach({"upload/" + hash, {reinterpret_cast<const char*>(glb->data()), glb->size()}}, kStartNs);
   const auto ticks = static_cast<uint64_t>(options.minutes * 60 * kRateHz);
   const auto loop_ticks = std::max<uint64_t>(1, static_cast<uint64_t>(scenario->duration_s() * kRateHz));
   v1::CameraReply reply;
@@ -141,10 +139,9 @@ void time_first_pose(const std::string& path, const char* what, double at_s) {
     chunks = report.chunks_read;
     all_chunks = recording->container().chunks.size();
   }
-  std::printf(
-      "%-22s open %.4f s, first pose after %.4f s (medians of %d), reply %lu, %lu of %lu chunks read\n", what,
-      open_s.median(), pose_s.median(), kTimes, static_cast<unsigned long>(sequence),
-      static_cast<unsigned long>(chunks), static_cast<unsigned long>(all_chunks));
+  std::printf("%-22s open %.4f s, first pose after %.4f s (medians of %d), reply %lu, %lu of %lu chunks read\n", what,
+              open_s.median(), pose_s.median(), kTimes, static_cast<unsigned long>(sequence),
+              static_cast<unsigned long>(chunks), static_cast<unsigned long>(all_chunks));
 }
 
 void time_reading(const Recording& recording) {
@@ -169,8 +166,7 @@ void time_hashing(const Recording& recording) {
   for (const v1::CameraReply& reply : replies)
     hash = hash64_bytes(std::as_bytes(std::span(plain.bytes_of(reply))), hash);
   std::printf("%-22s %.2f us a reply (%016lx)\n", "plain bytes and hash",
-              1e6 * seconds_since(start) / static_cast<double>(replies.size()),
-              static_cast<unsigned long>(hash));
+              1e6 * seconds_since(start) / static_cast<double>(replies.size()), static_cast<unsigned long>(hash));
 }
 
 // Sums over steps.
@@ -208,17 +204,16 @@ Status time_replay(const Recording& recording, size_t threads) {
   }
   const double on_processor_s = processor_seconds() - processor_s, s = seconds_since(begun),
                n = static_cast<double>(steps);
-  std::printf("%-22s open %.2f s; %lu steps in %.1f s: %.0f a second, %.1f times real time; %lu equal\n",
-              "replay", open_s, static_cast<unsigned long>(steps), s, n / s, recording.duration_s() / s,
+  std::printf("%-22s open %.2f s; %lu steps in %.1f s: %.0f a second, %.1f times real time; %lu equal\n", "replay",
+              open_s, static_cast<unsigned long>(steps), s, n / s, recording.duration_s() / s,
               static_cast<unsigned long>(comparison.equal()));
   std::printf(
       "%-22s %.1f us a step, of which the step itself %.1f, all else %.1f; %.1f us of processor "
       "time: %.1f times real time on a core of its own\n",
       "", 1e6 * s / n, stages.total_us / n, 1e6 * s / n - stages.total_us / n, 1e6 * on_processor_s / n,
       recording.duration_s() / on_processor_s);
-  std::printf("%-22s scene %.1f, bound %.1f, sample %.1f, aggregate %.1f, move %.1f us\n", "",
-              stages.scene_us / n, stages.bound_us / n, stages.sample_us / n, stages.aggregate_us / n,
-              stages.move_us / n);
+  std::printf("%-22s scene %.1f, bound %.1f, sample %.1f, aggregate %.1f, move %.1f us\n", "", stages.scene_us / n,
+              stages.bound_us / n, stages.sample_us / n, stages.aggregate_us / n, stages.move_us / n);
   return {};
 }
 
@@ -235,8 +230,8 @@ Status run(const Options& options) {
   const auto recording = Recording::open(path);
   if (!recording) return tl::unexpected(recording.error());
   std::printf("%-22s %.1f s, %.1f MiB, %zu chunks, %s\n", "recording", recording->duration_s(),
-              static_cast<double>(std::filesystem::file_size(path)) / (1 << 20),
-              recording->container().chunks.size(), recording->info().sampler().c_str());
+              static_cast<double>(std::filesystem::file_size(path)) / (1 << 20), recording->container().chunks.size(),
+              recording->info().sampler().c_str());
   time_first_pose(path, "from the start", 0.0);
   time_first_pose(path, "from the middle", recording->duration_s() / 2);
   time_reading(*recording);

@@ -1,5 +1,5 @@
-// Times depth maps over a city of 400 blocks and about 280 K triangles: both samplers, by map size, number of maps and what changes
-// between takes. EGL runs in the environment as it is: compare LP_NUM_THREADS=0, 1, 2.
+// Times depth maps over a city of 400 blocks and about 280 K triangles: both samplers, by map size, number of maps and
+// what changes between takes. EGL runs in the environment as it is: compare LP_NUM_THREADS=0, 1, 2.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -152,8 +152,7 @@ void egl_growth(benchmark::State& state) {
   auto device = make_egl_sampler_device({});
   if (!device) return state.SkipWithError("no EGL context");
   take_city(state, **device,
-            {.blocks_a_side = static_cast<int>(state.range(0)), .cells = static_cast<int>(state.range(1))}, 2,
-            7);
+            {.blocks_a_side = static_cast<int>(state.range(0)), .cells = static_cast<int>(state.range(1))}, 2, 7);
 }
 
 // How it grows with moving occluders, of 10,000 instances.
@@ -161,8 +160,7 @@ void egl_movers(benchmark::State& state) {
   prepare_software_rendering();
   auto device = make_egl_sampler_device({});
   if (!device) return state.SkipWithError("no EGL context");
-  take_city(state, **device, {.blocks_a_side = 100, .cells = 2, .movers = static_cast<int>(state.range(0))},
-            2, 7);
+  take_city(state, **device, {.blocks_a_side = 100, .cells = 2, .movers = static_cast<int>(state.range(0))}, 2, 7);
 }
 
 // Each session takes two maps: one session after the other, or all in one round.
@@ -203,9 +201,8 @@ void egl_sessions(benchmark::State& state) {
     for (const TakeJob& job : jobs)
       if (!job.taken) return state.SkipWithError("take failed");
   }
-  state.counters["a_session_us"] =
-      benchmark::Counter(1e-6 * static_cast<double>(count),
-                         benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+  state.counters["a_session_us"] = benchmark::Counter(
+      1e-6 * static_cast<double>(count), benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
 }
 
 void embree_city(benchmark::State& state) {
@@ -294,13 +291,7 @@ BENCHMARK(egl_growth)
     ->Args({63, 8})
     ->Unit(benchmark::kMicrosecond)
     ->UseRealTime();
-BENCHMARK(egl_movers)
-    ->ArgName("movers")
-    ->Arg(10)
-    ->Arg(100)
-    ->Arg(1000)
-    ->Unit(benchmark::kMicrosecond)
-    ->UseRealTime();
+BENCHMARK(egl_movers)->ArgName("movers")->Arg(10)->Arg(100)->Arg(1000)->Unit(benchmark::kMicrosecond)->UseRealTime();
 BENCHMARK(egl_sessions)
     ->ArgNames({"sessions", "together"})
     ->ArgsProduct({{8, 20}, {0, 1}})

@@ -1,6 +1,7 @@
 // Measures the stages of a step on the city as candidates, maps and targets grow. Further targets walk beside and
 // behind the city's own two. Figures are medians of this thread's processor time. The rows "in turn" have a hundred
-// cameras that step one after the other, as in a daemon with a hundred sessions. Each then finds the caches as the others left them.
+// cameras that step one after the other, as in a daemon with a hundred sessions. Each then finds the caches as the
+// others left them.
 //
 //   stage_bench [steps] [settings]        steps per row, 300 without; only the rows of that name
 #include <time.h>
@@ -13,8 +14,8 @@
 #include "client/scenario/scenario_world.h"
 #include "client/truth/metrics.h"
 #include "server/paper/paper_settings.h"
-#include "tests/bench/step_timing.h"
 #include "server/sample/embree_sampler.h"
+#include "tests/bench/step_timing.h"
 
 namespace sightline {
 namespace {
@@ -57,15 +58,14 @@ std::vector<Row> rows() {
                           {"plain, r = 32", 2, with(lattice, 32, 32768, 0)},
                           {"plain wide", 8, with(lattice, 16, 4096, 8)},
                           {"default wide", 8, with(sightline, 16, 4096, 8)}};
-  for (const size_t targets : {1, 2, 4, 8, 16, 32})
-    all.push_back({"default", targets, with(sightline, 7, 343, 8)});
+  for (const size_t targets : {1, 2, 4, 8, 16, 32}) all.push_back({"default", targets, with(sightline, 7, 343, 8)});
   for (const int candidates : {343, 1024, 4096, 16384})
     all.push_back({"default", 2, with(sightline, 7, candidates, 8)});
   return all;
 }
 
-// The city with the given number of walkers, at least its own two. Further ones walk in a grid behind the first, as seen from the
-// camera's start.
+// The city with the given number of walkers, at least its own two. Further ones walk in a grid behind the first, as
+// seen from the camera's start.
 class Walkers {
  public:
   static Result<std::unique_ptr<Walkers>> make(LoadedScene& city, size_t count) {
@@ -115,7 +115,8 @@ class Walkers {
     if (id != 0) return;
     NewInstance& walker = instances.emplace_back(instances[0]);
     walker.id = target.instance_id;
-    const double abreast = 0.9 * (static_cast<double>(index % 6) - 2.5), behind = 1.1 * static_cast<double>(index / 6 + 1);
+    const double abreast = 0.9 * (static_cast<double>(index % 6) - 2.5),
+                 behind = 1.1 * static_cast<double>(index / 6 + 1);
     glm::dvec3 away = walker.pose.position_m - scenario_.camera().position_m;
     away = glm::normalize(glm::dvec3(away.x, 0.0, away.z));
     added_.push_back(behind * away + abreast * glm::dvec3(-away.z, 0.0, away.x));
@@ -151,8 +152,9 @@ Status step(const LoadedScene& city, Camera& camera, const StepSettings& setting
   Walkers& world = *camera.world;
   world.set_time(tick % 600 * kTickS);
   const CameraLimits limits;
-  const StepInput input{world.mirror, world.targets, limits, settings, city.scenario->lens(), 1,
-                        static_cast<uint64_t>(tick), kTickS, world.extents};
+  const StepInput input{
+      world.mirror, world.targets, limits, settings, city.scenario->lens(), 1, static_cast<uint64_t>(tick),
+      kTickS,       world.extents};
   const int64_t begin_ns = thread_ns();
   const auto result = camera.stepper.take(input, *camera.sampler, thread_ns);
   const int64_t end_ns = thread_ns();
@@ -193,10 +195,11 @@ int main(int argc, char** argv) {
   const auto city = LoadedScene::load("city");
   if (!city) return std::fprintf(stderr, "%s\n", to_string(city.error()).c_str()), 1;
   const auto device = make_embree_sampler_device();
-  std::printf("%-16s %7s %10s %4s %6s %8s %9s %8s %8s  %8s %8s   (ms)\n", "settings", "targets", "candidates", "r", "maps",
-              "sample", "aggregate", "move", "total", "p10", "p95");
+  std::printf("%-16s %7s %10s %4s %6s %8s %9s %8s %8s  %8s %8s   (ms)\n", "settings", "targets", "candidates", "r",
+              "maps", "sample", "aggregate", "move", "total", "p10", "p95");
   for (const Row& row : rows())
-    if (argc > 2 && row.name != argv[2]) continue;
+    if (argc > 2 && row.name != argv[2])
+      continue;
     else if (const auto ok = run(**city, *device, row, argc > 1 ? std::atoi(argv[1]) : 300); !ok)
       return std::fprintf(stderr, "%s\n", to_string(ok.error()).c_str()), 1;
 }

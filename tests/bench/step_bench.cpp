@@ -1,5 +1,5 @@
-// Times a step, stage by stage, for each sampler, settings and resolution. tests/bench/step_timing.h says what is timed.
-// The column `longest` says how long the longest step takes without interruptions (see kRounds).
+// Times a step, stage by stage, for each sampler, settings and resolution. tests/bench/step_timing.h says what is
+// timed. The column `longest` says how long the longest step takes without interruptions (see kRounds).
 //
 //   step_bench [--frames N] [--csv FILE]     N steps a row (default: 1200)
 //   step_bench --row embree,sightline,7      only this row, for a profiler
@@ -18,8 +18,9 @@
 namespace sightline {
 namespace {
 
-// The same steps are taken in each round. An interruption lengthens a step in one round, hardly ever the same step in all of them. So the
-// shortest time of each step over the rounds counts, and the longest of these belongs to the longest step.
+// The same steps are taken in each round. An interruption lengthens a step in one round, hardly ever the same step in
+// all of them. So the shortest time of each step over the rounds counts, and the longest of these belongs to the
+// longest step.
 constexpr int kRounds = 3;
 
 struct RowTiming {
@@ -56,15 +57,15 @@ class Tables {
   }
   void add(const SamplerDevice& device, const TimedSettings& timed, int r, const RowTiming& row) {
     const StepTiming& timing = row.steps;
-    csv_ << device.kind() << ",\"" << device.renderer() << "\"," << timed.name << ',' << r << ','
-         << timing.frames << ',' << timing.samples;
+    csv_ << device.kind() << ",\"" << device.renderer() << "\"," << timed.name << ',' << r << ',' << timing.frames
+         << ',' << timing.samples;
     for (const Percentiles& p : {timing.sample, timing.aggregate, timing.move, timing.total})
       csv_ << formatted(",%.4f,%.4f", p.p50_ms, p.p95_ms);
     csv_ << formatted(",%.4f\n", row.longest_ms);
     const auto ms = [](double value) { return formatted("%.3f", value); };
     table_.row({device.kind(), std::string(timed.name), std::to_string(r), std::to_string(timing.samples),
-                ms(timing.sample.p50_ms), ms(timing.aggregate.p50_ms), ms(timing.move.p50_ms),
-                ms(timing.total.p50_ms), ms(timing.total.p95_ms), ms(row.longest_ms)});
+                ms(timing.sample.p50_ms), ms(timing.aggregate.p50_ms), ms(timing.move.p50_ms), ms(timing.total.p50_ms),
+                ms(timing.total.p95_ms), ms(row.longest_ms)});
   }
   bool finish() {
     table_.print(std::cout);
@@ -114,15 +115,14 @@ int main(int argc, char** argv) {
   CLI::App app("Times steps on a generated scene; on the city, Table 1 of the paper");
   int frames = 1200;
   std::string csv, row, scene = "city";
-  app.add_option("--frames", frames, "Steps in each row")
-      ->check(CLI::Range(1, 1'000'000))
-      ->capture_default_str();
+  app.add_option("--frames", frames, "Steps in each row")->check(CLI::Range(1, 1'000'000))->capture_default_str();
   app.add_option("--csv", csv, "File for the table, with every figure");
   app.add_option("--scene", scene, "Name of a generated scene")->capture_default_str();
   app.add_option("--row", row, "Time only this row: SAMPLER,SETTINGS,R");
   CLI11_PARSE(app, argc, argv);
   Tables tables(csv);
-  if (const Status done = run(scene, frames, row, tables); !done) return std::cerr << to_string(done.error()) << '\n', 1;
+  if (const Status done = run(scene, frames, row, tables); !done)
+    return std::cerr << to_string(done.error()) << '\n', 1;
   if (!tables.finish()) return std::cerr << csv << " cannot be written\n", 1;
   return 0;
 }

@@ -1,6 +1,6 @@
-// Prints one line for each scene and set of settings, with two hashes. The first is over the camera's path. The second is
-// over every step's whole answer and the data that led to it. Two builds that print equal lines compute the same bits;
-// `diff` shows which scene changed. It takes Embree's maps, and the first seconds of every scene.
+// Prints one line for each scene and set of settings, with two hashes. The first is over the camera's path. The second
+// is over every step's whole answer and the data that led to it. Two builds that print equal lines compute the same
+// bits; `diff` shows which scene changed. It takes Embree's maps, and the first seconds of every scene.
 //
 //   step_digest [scene ...]        without names: the scenes of the group `study` but the city
 #include <cstdio>
@@ -115,8 +115,15 @@ Status digest(const scenes::CatalogEntry& entry) {
     Digest path, digest;
     for (int i = 0; i < kSteps; ++i) {
       (*world)->set_time(i * kTickS);
-      const StepInput input{(*world)->mirror(), (*world)->targets(), limits, c.settings, scenario->lens(), 1,
-                            static_cast<uint64_t>(i), kTickS, views};
+      const StepInput input{(*world)->mirror(),
+                            (*world)->targets(),
+                            limits,
+                            c.settings,
+                            scenario->lens(),
+                            1,
+                            static_cast<uint64_t>(i),
+                            kTickS,
+                            views};
       const auto result = stepper.take(input, *sampler, [] { return int64_t{0}; });
       if (!result) return tl::unexpected(result.error());
       path.add_path(*result), digest.add(*result), digest.add(stepper);

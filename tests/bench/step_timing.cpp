@@ -29,7 +29,8 @@ Percentiles percentiles(const std::vector<double>& values_ms) {
 }  // namespace
 
 std::vector<TimedSettings> timed_settings() {
-  return {{"paper", paper_row(Strategy::kBasic, 0.0)}, {"sightline", preset_settings(Preset::kSightline)},
+  return {{"paper", paper_row(Strategy::kBasic, 0.0)},
+          {"sightline", preset_settings(Preset::kSightline)},
           {"default", preset_settings(Preset::kSightline), true}};
 }
 
@@ -65,8 +66,8 @@ Result<std::unique_ptr<LoadedScene>> LoadedScene::load(const std::string& name) 
   return scene;
 }
 
-Result<std::unique_ptr<StepTimer>> StepTimer::make(LoadedScene& scene, SamplerDevice& device,
-                                                   StepSettings settings, int resolution, int candidates) {
+Result<std::unique_ptr<StepTimer>> StepTimer::make(LoadedScene& scene, SamplerDevice& device, StepSettings settings,
+                                                   int resolution, int candidates) {
   settings.sample.resolution = resolution;
   settings.aggregate.candidates = candidates;
   if (auto ok = validate(settings); !ok) return tl::unexpected(ok.error());
@@ -92,8 +93,7 @@ Result<double> StepTimer::step() {
   to_next_frame();
   const int64_t begin_ns = monotonic_ns();
   const StepInput input{
-      world_->mirror(), world_->targets(), limits_, settings_, scene_.scenario->lens(), 1, tick_, kTickS,
-      tables_};
+      world_->mirror(), world_->targets(), limits_, settings_, scene_.scenario->lens(), 1, tick_, kTickS, tables_};
   const auto result = stepper_.take(input, *sampler_, monotonic_ns);
   const double total_ms = to_ms(monotonic_ns() - begin_ns);
   if (!result) return tl::unexpected(result.error());

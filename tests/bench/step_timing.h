@@ -1,5 +1,5 @@
-// Times a step, stage by stage, on a generated scene. On the city (280 K triangles, two walking targets) that is Table 1 of the
-// paper: the maps have r x r texels, and there are about r^3 candidates.
+// Times a step, stage by stage, on a generated scene. On the city (280 K triangles, two walking targets) that is Table
+// 1 of the paper: the maps have r x r texels, and there are about r^3 candidates.
 //
 // Times are wall-clock times of the calling thread. Nothing else should run on the machine.
 #pragma once
@@ -17,9 +17,9 @@
 namespace sightline {
 
 // The settings that are timed; resolution and number of candidates are set on top of them.
-//   paper: preset paper with Basic and one point for each target, without filter and prediction, as in the paper's Table 1
-//   sightline: the default settings, with several points on each target's surface
-//   default: the same, with its own number of candidates, at its own resolution alone
+//   paper: preset paper with Basic and one point for each target, without filter and prediction, as in the paper's
+//   Table 1 sightline: the default settings, with several points on each target's surface default: the same, with its
+//   own number of candidates, at its own resolution alone
 struct TimedSettings {
   std::string_view name;
   StepSettings settings;
@@ -55,24 +55,22 @@ struct StepTiming {
   Percentiles total;  // the whole step
 };
 
-// One sampler under one setting, frame after frame at 60 Hz. After the last frame of the scene it starts again from the first,
-// with the camera at its start.
+// One sampler under one setting, frame after frame at 60 Hz. After the last frame of the scene it starts again from the
+// first, with the camera at its start.
 class StepTimer {
  public:
   // Both must outlive it. `resolution`: r, [2, 64]. `candidates`: about as many, [27, 32768].
-  static Result<std::unique_ptr<StepTimer>> make(LoadedScene& scene, SamplerDevice& device,
-                                                 StepSettings settings, int resolution,
-                                                 int candidates);
-  // Takes the next frame's step and returns its duration in milliseconds, without the scene's own movement. The first kWarmUpSteps
-  // load the scene into the sampler and do not count in timing(). Fails when the sampler fails.
+  static Result<std::unique_ptr<StepTimer>> make(LoadedScene& scene, SamplerDevice& device, StepSettings settings,
+                                                 int resolution, int candidates);
+  // Takes the next frame's step and returns its duration in milliseconds, without the scene's own movement. The first
+  // kWarmUpSteps load the scene into the sampler and do not count in timing(). Fails when the sampler fails.
   Result<double> step();
   StepTiming timing() const;  // all 0 before the first step that counts
 
   static constexpr int kWarmUpSteps = 5;
 
  private:
-  StepTimer(LoadedScene& scene, SamplerDevice& device, StepSettings settings,
-            std::unique_ptr<ScenarioWorld> world);
+  StepTimer(LoadedScene& scene, SamplerDevice& device, StepSettings settings, std::unique_ptr<ScenarioWorld> world);
   void to_next_frame();
 
   LoadedScene& scene_;

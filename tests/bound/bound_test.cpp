@@ -41,7 +41,8 @@ TEST(Bound, PaperModeIsTheSphereAsPrinted) {
   EXPECT_NEAR(bound.paper_n, 300, 1e-9);
 }
 
-// A camera that escapes looks farther ahead: with a horizon three times as long, the sphere is three times as wide, and its factor n too.
+// A camera that escapes looks farther ahead: with a horizon three times as long, the sphere is three times as wide, and
+// its factor n too.
 TEST(Bound, ALongerHorizonWidensTheSphereOfThePaper) {
   BoundSettings settings;
   settings.mode = BoundMode::kPaper;
@@ -70,8 +71,7 @@ TEST(Bound, HoldsEveryPlaceThatIsReachedFromRest) {
     // A step moves by the new velocity, so n steps cover n (n + 1) / 2 dt^2 a. One step less stays within a T^2 / 2.
     for (int step = 0; step < 49; ++step) {
       const glm::dvec3 push(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1));
-      camera.velocity_mps =
-          clamp_velocity(camera.velocity_mps, camera.velocity_mps + push * 100.0, limits, 0.01);
+      camera.velocity_mps = clamp_velocity(camera.velocity_mps, camera.velocity_mps + push * 100.0, limits, 0.01);
       camera.pose.position_m += camera.velocity_mps * 0.01;
       ASSERT_TRUE(bound.contains(camera.pose.position_m));
     }
@@ -103,13 +103,11 @@ TEST(ExtendTowards, ReachesTheGivenDistanceAndKeepsAway) {
     const double before = glm::distance(point, bound.center_m) - bound.radius_m;
     const Bound out = extend_towards(bound, point, towards, nearest);
     const double after = glm::distance(point, out.center_m) - out.radius_m;
-    ASSERT_TRUE(std::isfinite(out.radius_m) &&
-                std::isfinite(out.center_m.x + out.center_m.y + out.center_m.z));
+    ASSERT_TRUE(std::isfinite(out.radius_m) && std::isfinite(out.center_m.x + out.center_m.y + out.center_m.z));
     EXPECT_LE(glm::distance(out.center_m, bound.center_m) + bound.radius_m, out.radius_m + 1e-9)
         << "contains the old ball";
     EXPECT_EQ(out.horizon_s, bound.horizon_s);
-    EXPECT_NEAR(out.paper_n / out.radius_m, bound.paper_n / bound.radius_m, 1e-6)
-        << "the factor is of the radius";
+    EXPECT_NEAR(out.paper_n / out.radius_m, bound.paper_n / bound.radius_m, 1e-6) << "the factor is of the radius";
     const double wanted = std::max(nearest, before - towards);
     if (wanted >= before) {
       EXPECT_EQ(out.center_m, bound.center_m);

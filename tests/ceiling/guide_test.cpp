@@ -14,10 +14,12 @@ namespace {
 
 class GuideTest : public testing::Test {
  protected:
-  GuideTest() : place_(test::SmallScene(1, {0, 1.5, 5}).target("anna", {0, 0, 0}).closed_box(true)), world_(place_.world()) {
+  GuideTest()
+      : place_(test::SmallScene(1, {0, 1.5, 5}).target("anna", {0, 0, 0}).closed_box(true)), world_(place_.world()) {
     PlaceGridOptions options;
     options.wanted = [](const glm::dvec3& center_m) { return glm::compMax(glm::abs(center_m)) < 6; };
-    grid_ = std::make_unique<PlaceGrid>(world_->colliders(), world_->mirror().moving_slots(), glm::dvec3(0, 1.5, 5), options);
+    grid_ = std::make_unique<PlaceGrid>(world_->colliders(), world_->mirror().moving_slots(), glm::dvec3(0, 1.5, 5),
+                                        options);
   }
   // The place of the point's cell, else the nearest of the 26 cells round it, by a search of all places.
   uint32_t plain_place(const glm::dvec3& point_m) const {
@@ -27,7 +29,9 @@ class GuideTest : public testing::Test {
       const glm::ivec3 away = glm::abs(grid_->cell(place) - cell);
       if (away == glm::ivec3(0)) return place;
       if (away.x > 1 || away.y > 1 || away.z > 1) continue;
-      if (nearest == kNoPlace || glm::distance(grid_->place_m(place), point_m) < glm::distance(grid_->place_m(nearest), point_m)) nearest = place;
+      if (nearest == kNoPlace ||
+          glm::distance(grid_->place_m(place), point_m) < glm::distance(grid_->place_m(nearest), point_m))
+        nearest = place;
     }
     return nearest;
   }
@@ -44,7 +48,8 @@ TEST_F(GuideTest, TellsTheCostsOfTheNearestPlaceOfEachStage) {
   Guide guide(*grid_, 2);
   std::vector<std::vector<float>> pictures(2), to_go(2);
   for (size_t stage = 0; stage < 2; ++stage) {
-    for (uint32_t place = 0; place < grid_->size(); ++place) pictures[stage].push_back(share(random)), to_go[stage].push_back(20 + 100 * share(random));
+    for (uint32_t place = 0; place < grid_->size(); ++place)
+      pictures[stage].push_back(share(random)), to_go[stage].push_back(20 + 100 * share(random));
     guide.keep(stage, pictures[stage], to_go[stage]);
   }
   int in_cell = 0, beside = 0, nowhere = 0;

@@ -71,7 +71,8 @@ TEST_F(Places, AreThoseThatTheStartIsConnectedWith) {
 // The body has 10 cm to each side in the opening, wherever the cells lie.
 TEST_F(Places, AreFoundInOpeningsNarrowerThanACell) {
   for (const double shift_m : {0.0, 0.0625, 0.125, 0.25, 0.4375}) {
-    make(test::SmallScene(1, {0, 1, 5}).target("anna", {0, 0, -3})
+    make(test::SmallScene(1, {0, 1, 5})
+             .target("anna", {0, 0, -3})
              .box("left", {10, 12, 0.25}, {-5.3125 + shift_m, 0, 0})
              .box("right", {10, 12, 0.25}, {5.3125 + 0.1875 + shift_m, 0, 0}));
     const PlaceGrid places = grid({0, 1, 5}, options_within(5.5));

@@ -30,15 +30,19 @@ struct Played {
   CoherenceMetrics coherence;
 };
 
-CeilingPlan plan_of(test::Place& place, double duration_s, const CameraLimits& limits = {}, PlanAim aim = PlanAim::kJoint) {
-  const Timeline timeline = timeline_of(kTickS, static_cast<size_t>(std::lround(duration_s / kTickS)) + 1, kTicksPerPicture);
+CeilingPlan plan_of(test::Place& place, double duration_s, const CameraLimits& limits = {},
+                    PlanAim aim = PlanAim::kJoint) {
+  const Timeline timeline = timeline_of(kTickS, static_cast<size_t>(std::lround(duration_s / kTickS)) + 1,
+                                        kTicksPerPicture);
   const MoveSettings place_limits;
   PlanOptions options = quick_options();
   options.aim = aim;
-  return *plan_ceiling(place.scenario, place.store, place.device, place.extents, timeline, limits, place_limits, options);
+  return *plan_ceiling(place.scenario, place.store, place.device, place.extents, timeline, limits, place_limits,
+                       options);
 }
 
-Played played(const test::SmallScene& scene, double duration_s, const CameraLimits& limits = {}, PlanAim aim = PlanAim::kJoint) {
+Played played(const test::SmallScene& scene, double duration_s, const CameraLimits& limits = {},
+              PlanAim aim = PlanAim::kJoint) {
   test::Place place(scene);
   Played run{.plan = plan_of(place, duration_s, limits, aim), .frames = {}, .metrics = {}, .coherence = {}};
   for (size_t tick = 0; tick < run.plan.path.size(); ++tick)
@@ -52,7 +56,8 @@ Played played(const test::SmallScene& scene, double duration_s, const CameraLimi
   EXPECT_EQ(run.metrics.body_collisions, 0u);
   const auto world = place.world();
   std::vector<glm::dvec3> centers_m;
-  for (const CameraFrame& frame : run.frames) world->set_time(frame.time_s), centers_m.push_back(world->targets_center_m());
+  for (const CameraFrame& frame : run.frames)
+    world->set_time(frame.time_s), centers_m.push_back(world->targets_center_m());
   run.coherence = coherence_of(run.frames, centers_m, *truths);
   const double reached = aim == PlanAim::kJoint ? run.metrics.joint_visible_share() : run.coherence.mean_worth;
   EXPECT_LE(reached, run.plan.most + (aim == PlanAim::kJoint ? 1e-9 : 0.03)) << "worth is estimated with few rays";
@@ -68,9 +73,9 @@ scenes::Motion straight(const glm::dvec3& from_m, const glm::dvec3& to_m, double
 
 TEST(Ceiling, IsEveryPictureOnAnOpenPlane) {
   const Played run = played(test::SmallScene(3, {0, 2, 5})
-                             .walker("anna", straight({-1.5, 0, 0}, {3, 0, 0}, 3))
-                             .walker("ben", straight({0, 0, -1}, {4.5, 0, -1}, 3)),
-                         3);
+                                .walker("anna", straight({-1.5, 0, 0}, {3, 0, 0}, 3))
+                                .walker("ben", straight({0, 0, -1}, {4.5, 0, -1}, 3)),
+                            3);
   EXPECT_EQ(run.metrics.joint_visible_share(), 1.0);
   EXPECT_EQ(run.plan.most, 1.0);
   EXPECT_EQ(run.plan.joint, 1.0);
@@ -90,12 +95,16 @@ TEST(Ceiling, OfACameraThatStartsInAWallIsToStayThere) {
   for (const Pose& pose : plan.path) EXPECT_EQ(pose.position_m, glm::dvec3(0, 1.5, 5));
 }
 
-// The camera starts at rest. It sees past the wall's end no sooner than a straight way leads to where the line of sight is free.
+// The camera starts at rest. It sees past the wall's end no sooner than a straight way leads to where the line of sight
+// is free.
 TEST(Ceiling, OfATargetBehindAWallIsWhatIsLeftAfterTheWayRoundIt) {
   constexpr double kDurationS = 4.0, kHalfWallM = 2.0;
-  const Played run = played(test::SmallScene(kDurationS, {0, 1, 3}).target("anna", {0, 0, -1.5}).box("wall", {2 * kHalfWallM, 9, 0.25}, {0, 0, 0}), kDurationS);
-  // Seen whole from beyond the line through the wall's end and the target's far side. The line's distance from the start is the
-  // shortest way; half of it is sped up at 10 m/s^2 at best.
+  const Played run = played(test::SmallScene(kDurationS, {0, 1, 3})
+                                .target("anna", {0, 0, -1.5})
+                                .box("wall", {2 * kHalfWallM, 9, 0.25}, {0, 0, 0}),
+                            kDurationS);
+  // Seen whole from beyond the line through the wall's end and the target's far side. The line's distance from the
+  // start is the shortest way; half of it is sped up at 10 m/s^2 at best.
   const glm::dvec2 far_side(-0.3, -1.5), end(kHalfWallM, -0.125);
   const glm::dvec2 line = glm::normalize(end - far_side), start(0, 3);
   const double way_m = std::abs(line.x * (start.y - end.y) - line.y * (start.x - end.x));
@@ -117,7 +126,8 @@ TEST(Ceiling, KeepsUpWithACarInStreets) {
   EXPECT_GE(plan.joint, 0.9);
 }
 
-// The target waits in sight for 2 s and then walks behind the wall. A camera that knows has time to go round; one that waits has not.
+// The target waits in sight for 2 s and then walks behind the wall. A camera that knows has time to go round; one that
+// waits has not.
 TEST(Ceiling, IsRoundTheWallBeforeTheTargetIsBehindIt) {
   constexpr double kDurationS = 4.5;
   scenes::Motion walk;
@@ -144,10 +154,10 @@ TEST(Ceiling, WaitsForADoorThatOpensLater) {
   door.add(kOpensS + 0.1, shut_m - glm::dvec3(0, 5, 0), {1, 0, 0, 0});
   door.add(kDurationS, shut_m - glm::dvec3(0, 5, 0), {1, 0, 0, 0});
   const Played run = played(test::SmallScene(kDurationS, {3, 1.5, 5}, {0, 1, 0})
-                             .target("anna", {0, 0, -1})
-                             .closed_box(true)
-                             .mover("door", {1.5, 3, 0.25}, door),
-                         kDurationS);
+                                .target("anna", {0, 0, -1})
+                                .closed_box(true)
+                                .mover("door", {1.5, 3, 0.25}, door),
+                            kDurationS);
   const double left = 1 - kOpensS / kDurationS;
   EXPECT_LE(run.metrics.joint_visible_share(), left + 0.02);
   EXPECT_GE(run.metrics.joint_visible_share(), left - 0.06) << "the camera is there when the door opens";
@@ -160,16 +170,20 @@ TEST(Ceiling, LeavesTheWayOfACartThatItSeesComing) {
   scenes::Motion cart;
   cart.add(0.0, {0, 0, 22}, {1, 0, 0, 0});
   cart.add(kDurationS, {0, 0, -14}, {1, 0, 0, 0});
-  const Played run = played(test::SmallScene(kDurationS, {0, 1, 4}).target("anna", {0.5, 0, -1.5}).mover("cart", {1, 2.5, 2}, cart), kDurationS);
+  const Played run = played(
+      test::SmallScene(kDurationS, {0, 1, 4}).target("anna", {0.5, 0, -1.5}).mover("cart", {1, 2.5, 2}, cart),
+      kDurationS);
   EXPECT_GT(run.metrics.least_clearance_m, CameraLimits{}.body_radius_m);
 }
 
-// The bar sinks between the camera and the ground. All places that see the target are in the sphere round it, and most are free.
+// The bar sinks between the camera and the ground. All places that see the target are in the sphere round it, and most
+// are free.
 TEST(Ceiling, IsNotBarredBesideALongColliderThatMoves) {
   scenes::Motion bar;
   bar.add(0.0, {0, 0.4, 4}, {1, 0, 0, 0});
   bar.add(2.0, {0, 0.1, 4}, {1, 0, 0, 0});
-  const Played run = played(test::SmallScene(2, {0, 2, 5}).target("anna", {0, 0, 0}).mover("bar", {0.1, 0.1, 24}, bar), 2);
+  const Played run = played(test::SmallScene(2, {0, 2, 5}).target("anna", {0, 0, 0}).mover("bar", {0.1, 0.1, 24}, bar),
+                            2);
   EXPECT_EQ(run.plan.most, 1.0);
   EXPECT_EQ(run.metrics.joint_visible_share(), 1.0);
 }
@@ -189,14 +203,20 @@ double worth_of(const test::Place& place, const ScenarioWorld& world, const Pose
   const Lens lens = place.scenario.lens();
   PictureTruth picture = measure_picture(world.occluders(), world.mirror(), world.targets(), pose, lens, picture_size);
   add_outlines(world.occluders(), world.mirror(), world.targets(), pose, lens, picture);
-  const auto shot_of = [&](const Pose& camera) { return shot_properties({0.0, camera, lens}, world.targets_center_m()); };
-  return picture_worth(sight_loss(picture), shot_loss(deviation_between(shot_of(place.scenario.camera()), shot_of(pose)), ShotWeights{}));
+  const auto shot_of = [&](const Pose& camera) {
+    return shot_properties({0.0, camera, lens}, world.targets_center_m());
+  };
+  return picture_worth(sight_loss(picture),
+                       shot_loss(deviation_between(shot_of(place.scenario.camera()), shot_of(pose)), ShotWeights{}));
 }
 
-// A wall hides the lower part of the target from the first place. The best of all pictures is found by trying places all round.
+// A wall hides the lower part of the target from the first place. The best of all pictures is found by trying places
+// all round.
 TEST(Ceiling, OfWorthEndsWhereThePictureIsWorthMost) {
   constexpr double kDurationS = 5.0;
-  const auto scene = [] { return test::SmallScene(kDurationS, {0, 1.2, 5}).target("anna", {0, 0, 0}).box("wall", {12, 1.2, 0.25}, {0, 0, 1}); };
+  const auto scene = [] {
+    return test::SmallScene(kDurationS, {0, 1.2, 5}).target("anna", {0, 0, 0}).box("wall", {12, 1.2, 0.25}, {0, 0, 1});
+  };
   test::Place place(scene());
   const auto world = place.world();
   const glm::dvec3 center_m = world->targets_center_m();
@@ -206,7 +226,9 @@ TEST(Ceiling, OfWorthEndsWhereThePictureIsWorthMost) {
       for (double z_m = -6; z_m <= 6; z_m += 0.5) {
         const glm::dvec3 eye_m(x_m, y_m, z_m);
         if (glm::distance(eye_m, center_m) < 2) continue;
-        most = std::max(most, worth_of(place, *world, {eye_m, glm::quatLookAt(glm::normalize(center_m - eye_m), glm::dvec3(0, 1, 0))}, 64));
+        most = std::max(most,
+                        worth_of(place, *world,
+                                 {eye_m, glm::quatLookAt(glm::normalize(center_m - eye_m), glm::dvec3(0, 1, 0))}, 64));
       }
   const double first = worth_of(place, *world, place.scenario.camera(), kTruthSize);
   ASSERT_GT(most, first + 0.1);

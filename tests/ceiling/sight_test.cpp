@@ -22,7 +22,9 @@ class SightTest : public testing::Test {
     estimate_->refresh(0);
     return *estimate_;
   }
-  static test::SmallScene two_people() { return std::move(test::SmallScene(1, {0, 1, 8}).target("anna", {-1.5, 0, 0}).target("ben", {1.5, 0, 0})); }
+  static test::SmallScene two_people() {
+    return std::move(test::SmallScene(1, {0, 1, 8}).target("anna", {-1.5, 0, 0}).target("ben", {1.5, 0, 0}));
+  }
 
   const MoveSettings limits_;
   const glm::dvec3 front_m_{0, 1, 8}, back_m_{0, 1, -8};
@@ -62,9 +64,11 @@ TEST_F(SightTest, ThePictureHasRoomForBothOnlyFromFarEnough) {
   EXPECT_TRUE(estimate.from(front_m_).allowed);
 }
 
-// The wall covers the right half of the target. The share of all points is near one half, and each turn counts others of them.
+// The wall covers the right half of the target. The share of all points is near one half, and each turn counts others
+// of them.
 TEST_F(SightTest, TurnsTakeTheirPointsInTurnsUntilAllWereTaken) {
-  SightEstimate& estimate = look(std::move(test::SmallScene(1, {0, 1, 8}).target("anna", {0, 0, 0}).box("wall", {2, 3, 0.2}, {1, 0, 4})));
+  SightEstimate& estimate = look(
+      std::move(test::SmallScene(1, {0, 1, 8}).target("anna", {0, 0, 0}).box("wall", {2, 3, 0.2}, {1, 0, 4})));
   const double all = estimate.shares(front_m_, kExtentPoints).least_share;
   EXPECT_NEAR(all, 0.5, 0.2);
   static_assert(kExtentPoints % kRays == 0);
@@ -86,7 +90,8 @@ TEST_F(SightTest, TurnsTakeTheirPointsInTurnsUntilAllWereTaken) {
 
 // From some places the first three rays are all blocked, and others would arrive.
 TEST_F(SightTest, ThreeBlockedRaysAtTheBeginningCountAsHidden) {
-  const SightEstimate& estimate = look(std::move(test::SmallScene(1, {0, 1, 8}).target("anna", {0, 0, 0}).box("wall", {2, 3, 0.2}, {1, 0, 4})));
+  const SightEstimate& estimate = look(
+      std::move(test::SmallScene(1, {0, 1, 8}).target("anna", {0, 0, 0}).box("wall", {2, 3, 0.2}, {1, 0, 4})));
   int hidden = 0, doubtful = 0;
   for (double x_m = -1.5; x_m <= 1.5; x_m += 0.02) {
     const glm::dvec3 eye_m(x_m, 1, 8);
@@ -110,7 +115,8 @@ TEST_F(SightTest, WholeBodiesAreCountedAsTheJudgeCountsThem) {
   constexpr int kPictures = 60;
   for (int k = 0; k < kPictures; ++k) {
     const glm::dvec3 eye_m(random.next_in(-4, 4), random.next_in(0.5, 3), random.next_in(3, 9));
-    const Pose pose{eye_m, glm::quatLookAt(glm::normalize(glm::dvec3(random.next_in(-3, 3), 1, 0) - eye_m), glm::dvec3(0, 1, 0))};
+    const Pose pose{
+        eye_m, glm::quatLookAt(glm::normalize(glm::dvec3(random.next_in(-3, 3), 1, 0) - eye_m), glm::dvec3(0, 1, 0))};
     PictureTruth truth = measure_picture(world_->occluders(), world_->mirror(), world_->targets(), pose, lens);
     add_outlines(world_->occluders(), world_->mirror(), world_->targets(), pose, lens, truth);
     const double loss = estimate.whole_loss(pose, kExtentPoints);
@@ -129,7 +135,8 @@ TEST_F(SightTest, WholeBodiesAreCountedAsTheJudgeCountsThem) {
 // At the edge of the wall, some places see the first rays arrive and later ones blocked.
 TEST_F(SightTest, RaysThatAreKnownToArriveAreNotTracedAgain) {
   constexpr size_t kKnown = 16;
-  const SightEstimate& estimate = look(std::move(test::SmallScene(1, {0, 1, 8}).target("anna", {0, 0, 0}).box("wall", {2, 3, 0.2}, {1, 0, 4})));
+  const SightEstimate& estimate = look(
+      std::move(test::SmallScene(1, {0, 1, 8}).target("anna", {0, 0, 0}).box("wall", {2, 3, 0.2}, {1, 0, 4})));
   int partly_seen = 0;
   for (double x_m = -1.5; x_m <= 1.5; x_m += 0.02) {
     const glm::dvec3 eye_m(x_m, 1, 8);

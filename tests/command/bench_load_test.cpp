@@ -67,10 +67,8 @@ class StallingStream final : public grpc::ServerBidiReactor<v1::ControlRequest, 
 class StallingService final
     : public v1::CameraControlService::WithCallbackMethod_Control<v1::CameraControlService::Service> {
  public:
-  StallingService(uint64_t stalls_at, std::chrono::milliseconds stall)
-      : stalls_at_(stalls_at), stall_(stall) {}
-  grpc::ServerBidiReactor<v1::ControlRequest, v1::ControlResponse>* Control(
-      grpc::CallbackServerContext*) override {
+  StallingService(uint64_t stalls_at, std::chrono::milliseconds stall) : stalls_at_(stalls_at), stall_(stall) {}
+  grpc::ServerBidiReactor<v1::ControlRequest, v1::ControlResponse>* Control(grpc::CallbackServerContext*) override {
     return new StallingStream(stalls_at_, stall_);
   }
   grpc::Status UploadScene(grpc::ServerContext*, grpc::ServerReader<v1::UploadSceneRequest>* reader,

@@ -32,8 +32,7 @@ double plain_percentile(const std::vector<double>& values, double p) {
   double best = std::numeric_limits<double>::infinity();
   for (const double candidate : values) {
     const auto below = std::count_if(values.begin(), values.end(), [&](double v) { return v <= candidate; });
-    if (static_cast<double>(below) >= p * static_cast<double>(values.size()))
-      best = std::min(best, candidate);
+    if (static_cast<double>(below) >= p * static_cast<double>(values.size())) best = std::min(best, candidate);
   }
   return best;
 }
@@ -107,8 +106,7 @@ TEST(BenchSchedule, SessionsSendAtTheRateWithTheirPhasesSpreadEvenly) {
   const BenchSchedule schedule({.sessions = 7, .rate_hz = 60.0, .window_s = 2.0, .warm_up_s = 1.0});
   std::vector<int64_t> due;
   for (uint64_t k = 0; k < 300; ++k)
-    for (size_t session = 0; session < 7; ++session)
-      due.push_back(schedule.due_ns(BenchPeer::kDaemon, k, session));
+    for (size_t session = 0; session < 7; ++session) due.push_back(schedule.due_ns(BenchPeer::kDaemon, k, session));
   ASSERT_EQ(due.front(), 0);
   for (size_t i = 1; i < due.size(); ++i) EXPECT_NEAR(due[i] - due[i - 1], 1e9 / (60.0 * 7), 1.0) << i;
 }
@@ -125,8 +123,7 @@ void check_windows(const BenchSchedule::Options& options) {
         const int64_t due_ns = schedule.due_ns(peer, k, session);
         const int own = schedule.window_of(k, session);
         for (int window = 0; window < 8; ++window)
-          EXPECT_EQ(due_ns >= schedule.begin_ns(peer, window) && due_ns < schedule.end_ns(peer, window),
-                    own == window)
+          EXPECT_EQ(due_ns >= schedule.begin_ns(peer, window) && due_ns < schedule.end_ns(peer, window), own == window)
               << k << ' ' << session << ' ' << window;
         if (own >= 0) seen[own].insert(peer);
         if (!options.echo) continue;
@@ -222,8 +219,7 @@ TEST_F(RequestLogTest, WhatIsGivenUpIsLostAndEverySentTickIsCountedOnce) {
     if (random.next_below(3) == 0 && sent > answered)
       log_.tick_error(answered + 1 + random.next_below(static_cast<uint32_t>(sent - answered)));
     if (random.next_below(2) == 0) continue;
-    answered =
-        std::max(answered, sent - random.next_below(static_cast<uint32_t>(std::min<uint64_t>(sent, 3) + 1)));
+    answered = std::max(answered, sent - random.next_below(static_cast<uint32_t>(std::min<uint64_t>(sent, 3) + 1)));
     answer(answered, random.next_below(5));
   }
   log_.give_up();
@@ -247,15 +243,13 @@ MeasuredWindow window_of(std::vector<double> round_trips_us, std::vector<double>
 }
 
 BenchJson figures_of(const std::vector<MeasuredWindow>& windows, double window_s) {
-  return summarize(windows,
-                   {{"sessions", windows.front().replies_by_session.size()}, {"window_s", window_s}});
+  return summarize(windows, {{"sessions", windows.front().replies_by_session.size()}, {"window_s", window_s}});
 }
 
 TEST(BenchResult, FiguresAreMediansOverTheWindowsWithTheirSpread) {
-  const BenchJson result =
-      figures_of({window_of({10, 20, 30}, {1}, {2, 4}), window_of({40, 50, 60}, {1}, {4, 4}),
-                  window_of({10, 22, 30}, {1}, {3, 3})},
-                 2.0);
+  const BenchJson result = figures_of({window_of({10, 20, 30}, {1}, {2, 4}), window_of({40, 50, 60}, {1}, {4, 4}),
+                                       window_of({10, 22, 30}, {1}, {3, 3})},
+                                      2.0);
   const BenchJson& round_trip = result.at("latency_us").at("round_trip");
   EXPECT_EQ(round_trip.at("count"), 9);
   EXPECT_EQ(round_trip.at("p50").at("median"), 22);
@@ -298,7 +292,8 @@ TEST(BenchResult, TheDaemonsCpuTimeIsKnownOnlyWhenItIsKnownInEveryWindow) {
 
 TEST(BenchResult, BytesAreMeansOfAMessage) {
   std::vector<MeasuredWindow> windows{window_of({10}, {1}, {4}), window_of({40}, {2}, {6})};
-  for (MeasuredWindow& window : windows) window.daemon.add(BenchMetric::kSend, 1.0), window.daemon.add(BenchMetric::kSend, 2.0);
+  for (MeasuredWindow& window : windows)
+    window.daemon.add(BenchMetric::kSend, 1.0), window.daemon.add(BenchMetric::kSend, 2.0);
   windows[0].daemon.tick_bytes = 100, windows[1].daemon.tick_bytes = 300;
   windows[0].daemon.reply_bytes = 1000, windows[1].daemon.reply_bytes = 2000;
   const BenchJson bytes = figures_of(windows, 2.0).at("message_bytes");
@@ -308,28 +303,39 @@ TEST(BenchResult, BytesAreMeansOfAMessage) {
 
 // What a person reads, of figures that need no rounding.
 TEST(BenchResult, IsPrintedWhole) {
-  std::vector<MeasuredWindow> windows{window_of({100, 200, 20'000}, {50}, {60}), window_of({100, 200, 20'000}, {50}, {60})};
+  std::vector<MeasuredWindow> windows{window_of({100, 200, 20'000}, {50}, {60}),
+                                      window_of({100, 200, 20'000}, {50}, {60})};
   for (MeasuredWindow& window : windows) {
     window.daemon.add(BenchMetric::kSend, 1.0);
     window.daemon.tick_bytes = 120, window.daemon.reply_bytes = 60 * 80, window.daemon.late = 1;
     window.daemon_cpu_us = 300.0, window.generator_cpu_us = 40.0;
     window.echo.emplace().add(BenchMetric::kRoundTrip, 110.0);
   }
-  BenchJson result = summarize(windows, {{"sessions", 1}, {"rate_hz", 60.0}, {"targets", 2}, {"moving", 3}, {"instances", 4}, {"triangles", 5},
-                                         {"sampler", "embree"}, {"channels", 2}, {"address", "here:1"}, {"window_s", 1.0}});
+  BenchJson result = summarize(windows, {{"sessions", 1},
+                                         {"rate_hz", 60.0},
+                                         {"targets", 2},
+                                         {"moving", 3},
+                                         {"instances", 4},
+                                         {"triangles", 5},
+                                         {"sampler", "embree"},
+                                         {"channels", 2},
+                                         {"address", "here:1"},
+                                         {"window_s", 1.0}});
   result["stable"] = true;
   result["windows"]["seen"] = 7;
   result["ticks"] = {{"sent", 130}, {"answered", 125}, {"merged", 3}, {"rejected", 2}, {"lost", 0}};
   result["trouble"] = "";
-  result["daemon_memory"] = {{"start_bytes", 1 << 20}, {"scene_bytes", 2 << 20}, {"sessions_bytes", 3 << 20}, {"per_session_bytes", nullptr}};
+  result["daemon_memory"] = {
+      {"start_bytes", 1 << 20}, {"scene_bytes", 2 << 20}, {"sessions_bytes", 3 << 20}, {"per_session_bytes", nullptr}};
   const auto printed = [&] {
     std::ostringstream out;
     print_bench(result, out);
     return out.str();
   };
   const std::string text = printed();
-  EXPECT_TRUE(text.starts_with("1 session at 60 Hz, 2 targets, 3 moving of 4 instances, 5 triangles, sampler embree, 2 channels to here:1\n"
-                               "stable: 2 windows of 1.0 s, of 7 seen; their p50 lie 0 %, their p99 0 % apart\n\n"))
+  EXPECT_TRUE(text.starts_with(
+      "1 session at 60 Hz, 2 targets, 3 moving of 4 instances, 5 triangles, sampler embree, 2 channels to here:1\n"
+      "stable: 2 windows of 1.0 s, of 7 seen; their p50 lie 0 %, their p99 0 % apart\n\n"))
       << text;
   for (const char* line :
        {"\n  round_trip   200 us  20.0 ms  20.0 ms  20.0 ms  20.0 ms  200 us .. 200 us\n",
@@ -341,7 +347,8 @@ TEST(BenchResult, IsPrintedWhole) {
         "CPU a tick    daemon 300 us, generator 40.0 us\n"
         "daemon memory 1.0 MiB at first, 2.0 MiB with scene and one session, 3.0 MiB with all\n"
         "echo          p50 110 us (110 us .. 110 us), p99 110 us\n"
-        "against echo  round trip p50 200 us, echo p50 + step p50 160 us: 1.25 x (1.25 .. 1.25), over the 1.20 x that is wanted\n"})
+        "against echo  round trip p50 200 us, echo p50 + step p50 160 us: 1.25 x (1.25 .. 1.25), over the 1.20 x that "
+        "is wanted\n"})
     EXPECT_NE(text.find(line), std::string::npos) << line << "is not in\n" << text;
   EXPECT_EQ(text.find("trouble"), std::string::npos);
   result["trouble"] = "the daemon sneezed", result["stable"] = false;
@@ -369,13 +376,15 @@ TEST(BenchProtocolTest, AnswersAreToldApart) {
   ASSERT_TRUE(world);
   const BenchProtocol protocol = control_protocol(*world, 0, world->open(0, "hash"));
   v1::ControlResponse opened, camera, rejection, drain;
-  opened.mutable_opened()->set_sampler("embree"), opened.mutable_opened()->set_instance_count(3), opened.mutable_opened()->set_triangle_count(4);
+  opened.mutable_opened()->set_sampler("embree"), opened.mutable_opened()->set_instance_count(3),
+      opened.mutable_opened()->set_triangle_count(4);
   const BenchAnswer first = answer_to(protocol, opened);
   EXPECT_EQ(first.kind, BenchAnswer::Kind::kOpened);
   EXPECT_EQ(first.opened.sampler, "embree");
   v1::CameraReply& reply = *camera.mutable_camera();
   reply.set_sequence(9), reply.set_merged_ticks(2), reply.mutable_flags()->set_degraded(true);
-  reply.mutable_stage_times()->set_queue_us(1), reply.mutable_stage_times()->set_move_us(6), reply.mutable_stage_times()->set_total_us(7);
+  reply.mutable_stage_times()->set_queue_us(1), reply.mutable_stage_times()->set_move_us(6),
+      reply.mutable_stage_times()->set_total_us(7);
   const BenchAnswer second = answer_to(protocol, camera);
   EXPECT_EQ(second.kind, BenchAnswer::Kind::kReply);
   EXPECT_EQ(second.sequence, 9u);
@@ -490,8 +499,7 @@ TEST_F(BenchWorldTest, BoxesThatMoveCircleAndTheOthersAreSentOnlyOnce) {
   }
   world.fill_tick(0, 31, tick);
   for (int i = 0; i < 5; ++i) {
-    EXPECT_GT(glm::distance(box(i), first[static_cast<size_t>(i)]), 0.2)
-        << "half a second at 0.8 m/s and more";
+    EXPECT_GT(glm::distance(box(i), first[static_cast<size_t>(i)]), 0.2) << "half a second at 0.8 m/s and more";
     EXPECT_LT(glm::distance(box(i), first[static_cast<size_t>(i)]), 1.1);
     EXPECT_EQ(box(i).y, first[static_cast<size_t>(i)].y);
   }

@@ -41,11 +41,10 @@ GlbBuilder full_file() {
   file.json["nodes"][guard].update({{"name", "Guard"}, {"translation", {2, 0, 0}}});
   file.json["nodes"][guard]["extras"]["sightline"] = {
       {"role", "target"}, {"weight", 2}, {"required", false}, {"opacity", 0.5}, {"collides", false}};
-  file.json["nodes"][guard]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["TRANSLATION"] =
-      file.floats({0, 0, 0, 0, 0, 8});
+  file.json["nodes"][guard]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["TRANSLATION"] = file.floats(
+      {0, 0, 0, 0, 0, 8});
   file.json["extensionsUsed"] = {"EXT_mesh_gpu_instancing"};
-  file.add("cameras",
-           {{"type", "perspective"}, {"perspective", {{"yfov", 0.5235987755982988}, {"znear", 0.25}}}});
+  file.add("cameras", {{"type", "perspective"}, {"perspective", {{"yfov", 0.5235987755982988}, {"znear", 0.25}}}});
   file.add("nodes", {{"camera", 0}});
   file.add("materials", {{"alphaMode", "MASK"}});
   file.animation(guard, "translation", "LINEAR", {0, 2.5}, {0, 0, 0, 1, 0, 0});
@@ -56,16 +55,13 @@ GlbBuilder full_file() {
 TEST_F(SceneCommand, SaysWhatAFileContains) {
   const std::string text = print(full_file().glb());
   EXPECT_EQ(status, 0) << err.str();
+  EXPECT_THAT(text, AllOf(HasSubstr("1 stored, 2 as instanced"),
+                          HasSubstr("1.00 x 1.00 x 8.00 m, from (2.00, 0.00, 0.00) to (3.00, 1.00, 8.00)"),
+                          HasSubstr("extensions  EXT_mesh_gpu_instancing"), ContainsRegex("hash +[0-9a-f]{32}")));
   EXPECT_THAT(text,
-              AllOf(HasSubstr("1 stored, 2 as instanced"),
-                    HasSubstr("1.00 x 1.00 x 8.00 m, from (2.00, 0.00, 0.00) to (3.00, 1.00, 8.00)"),
-                    HasSubstr("extensions  EXT_mesh_gpu_instancing"), ContainsRegex("hash +[0-9a-f]{32}")));
-  EXPECT_THAT(text,
-              ContainsRegex(
-                  "Guard +2.00 0.00 0.00 +0 +2 +target, weight 2, optional +opacity 0.5, does not collide"));
-  EXPECT_THAT(text,
-              AllOf(ContainsRegex("0 +30.0 degrees +free +0.250 m"), ContainsRegex("walk +2.50 s +1 +2"),
-                    HasSubstr("\nwarnings\n  materials[0].alphaMode: what a texture masks")));
+              ContainsRegex("Guard +2.00 0.00 0.00 +0 +2 +target, weight 2, optional +opacity 0.5, does not collide"));
+  EXPECT_THAT(text, AllOf(ContainsRegex("0 +30.0 degrees +free +0.250 m"), ContainsRegex("walk +2.50 s +1 +2"),
+                          HasSubstr("\nwarnings\n  materials[0].alphaMode: what a texture masks")));
 }
 
 TEST_F(SceneCommand, SaysTheSameAsJson) {
@@ -80,12 +76,12 @@ TEST_F(SceneCommand, SaysTheSameAsJson) {
   EXPECT_EQ(json.at("extensions"), nlohmann::json({"EXT_mesh_gpu_instancing"}));
   ASSERT_EQ(json.at("nodes").size(), 2u);
   EXPECT_EQ(json.at("nodes")[0], (nlohmann::json{{"name", "Guard"},
-                                                  {"parent", -1},
-                                                  {"position_m", {2.0, 0.0, 0.0}},
-                                                  {"mesh", 0},
-                                                  {"instances", 2},
-                                                  {"role", "target, weight 2, optional"},
-                                                  {"attributes", "opacity 0.5, does not collide"}}));
+                                                 {"parent", -1},
+                                                 {"position_m", {2.0, 0.0, 0.0}},
+                                                 {"mesh", 0},
+                                                 {"instances", 2},
+                                                 {"role", "target, weight 2, optional"},
+                                                 {"attributes", "opacity 0.5, does not collide"}}));
   EXPECT_EQ(json.at("nodes")[1].at("mesh"), -1);
   EXPECT_EQ(json.at("nodes")[1].at("instances"), 0);
   ASSERT_EQ(json.at("meshes").size(), 1u);

@@ -161,7 +161,8 @@ TEST(CameraSnapshotTest, TheShotGoesOnFromWhereItIsNow) {
   EXPECT_EQ(first.side_rad(), 0.5) << "the shot of the first pose, not the present pose";
   EXPECT_EQ(first.distance(), 7.0);
   v1::Tick tick;
-  tick.mutable_shot()->set_frame(v1::Shot::FRAME_HEADING), tick.mutable_shot()->set_size(0.4), tick.mutable_shot()->set_cut(true);
+  tick.mutable_shot()->set_frame(v1::Shot::FRAME_HEADING), tick.mutable_shot()->set_size(0.4),
+      tick.mutable_shot()->set_cut(true);
   known.apply(tick), known.take_reply(reply);
   const v1::Shot chase = known.opening().shot();
   EXPECT_EQ(chase.frame(), v1::Shot::FRAME_HEADING);

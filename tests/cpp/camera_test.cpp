@@ -1,4 +1,5 @@
-// The camera of the C++ client, whose session survives its daemon. tests/conformance checks what the next daemon is told.
+// The camera of the C++ client, whose session survives its daemon. tests/conformance checks what the next daemon is
+// told.
 #include "client/cpp/camera.h"
 
 #include <gmock/gmock.h>

@@ -51,23 +51,26 @@ TEST(ClientError, NamesTheFirstFieldOfTheDetails) {
   google::rpc::Status details;
   details.add_details()->PackFrom(google::rpc::Status());  // of another kind
   details.add_details()->PackFrom(bad);
-  const Error error = error_from_status(grpc::Status(StatusCode::INVALID_ARGUMENT, "in all", details.SerializeAsString()));
+  const Error error = error_from_status(
+      grpc::Status(StatusCode::INVALID_ARGUMENT, "in all", details.SerializeAsString()));
   EXPECT_EQ(error.field, "first");
   EXPECT_EQ(error.message, "first is wrong");
   google::rpc::Status none;
   none.add_details()->PackFrom(google::rpc::BadRequest());
-  EXPECT_EQ(error_from_status(grpc::Status(StatusCode::INVALID_ARGUMENT, "in all", none.SerializeAsString())).message, "in all");
+  EXPECT_EQ(error_from_status(grpc::Status(StatusCode::INVALID_ARGUMENT, "in all", none.SerializeAsString())).message,
+            "in all");
   EXPECT_EQ(error_from_status(grpc::Status(StatusCode::INVALID_ARGUMENT, "in all", "no message")).message, "in all");
 }
 
 TEST(ClientError, OfARefusedTickNamesItsFirstField) {
-  const std::pair<v1::TickError::Code, ErrorCode> cases[] = {{v1::TickError::CODE_INVALID_ARGUMENT, ErrorCode::kInvalidArgument},
-                                                             {v1::TickError::CODE_NOT_FOUND, ErrorCode::kNotFound},
-                                                             {v1::TickError::CODE_ALREADY_EXISTS, ErrorCode::kAlreadyExists},
-                                                             {v1::TickError::CODE_FAILED_PRECONDITION, ErrorCode::kFailedPrecondition},
-                                                             {v1::TickError::CODE_RESOURCE_EXHAUSTED, ErrorCode::kResourceExhausted},
-                                                             {v1::TickError::CODE_UNAVAILABLE, ErrorCode::kUnavailable},
-                                                             {v1::TickError::CODE_INTERNAL, ErrorCode::kInternal}};
+  const std::pair<v1::TickError::Code, ErrorCode> cases[] = {
+      {v1::TickError::CODE_INVALID_ARGUMENT, ErrorCode::kInvalidArgument},
+      {v1::TickError::CODE_NOT_FOUND, ErrorCode::kNotFound},
+      {v1::TickError::CODE_ALREADY_EXISTS, ErrorCode::kAlreadyExists},
+      {v1::TickError::CODE_FAILED_PRECONDITION, ErrorCode::kFailedPrecondition},
+      {v1::TickError::CODE_RESOURCE_EXHAUSTED, ErrorCode::kResourceExhausted},
+      {v1::TickError::CODE_UNAVAILABLE, ErrorCode::kUnavailable},
+      {v1::TickError::CODE_INTERNAL, ErrorCode::kInternal}};
   for (const auto& [code, expected] : cases) {
     v1::TickError rejection;
     rejection.set_code(code), rejection.set_message("tick.lens: is wrong");

@@ -157,8 +157,7 @@ TEST_F(ClientTest, ChangesGoWithTheNextTickInTheirOrderAndStay) {
   const auto session = open(client, request);
   v1::Settings paper, zoom;
   paper.set_preset(v1::Settings::PRESET_PAPER);
-  zoom.set_min_vertical_fov_rad(1.0),
-      zoom.set_max_vertical_fov_rad(1.0);
+  zoom.set_min_vertical_fov_rad(1.0), zoom.set_max_vertical_fov_rad(1.0);
   session->change(with_resolution(9)), session->change(zoom);  // overwritten: the preset resets all settings
   session->change(paper), session->change(with_resolution(12)), session->change(with_resolution(13));
   v1::Tick first = tick(1);
@@ -263,13 +262,16 @@ TEST_F(ClientTest, ASessionOutlivesItsClientAndMayBeDroppedWhileOpen) {
 TEST_F(ClientTest, UnreadAnswersAreBoundedAndTheNewestAreKept) {
   Client client = connect();
   const auto session = open(client);
-  // Sends one tick at a time, so that few are merged. On a busy machine many are, so it goes on until something is dropped.
+  // Sends one tick at a time, so that few are merged. On a busy machine many are, so it goes on until something is
+  // dropped.
   size_t ticks = 0;
-  while (ticks < ClientSession::kMaxUnread + 40 || (session->dropped_events() == 0 && ticks < 10 * ClientSession::kMaxUnread)) {
+  while (ticks < ClientSession::kMaxUnread + 40 ||
+         (session->dropped_events() == 0 && ticks < 10 * ClientSession::kMaxUnread)) {
     ASSERT_TRUE(session->send(tick(++ticks)));
     std::this_thread::sleep_for(3ms);
   }
-  // A reply that arrives while the others are read finds room, so all have to be here. While replies arrive, events are dropped.
+  // A reply that arrives while the others are read finds room, so all have to be here. While replies arrive, events are
+  // dropped.
   for (size_t dropped = SIZE_MAX; dropped != session->dropped_events();) {
     dropped = session->dropped_events();
     std::this_thread::sleep_for(1s);
@@ -314,7 +316,8 @@ TEST_F(ClientTest, AnUploadedSceneOpensASession) {
 TEST_F(ClientTest, ALargeSceneIsUploadedByteForByte) {
   MeshData grid;
   constexpr uint32_t kSide = 260;
-  for (uint32_t i = 0; i < kSide * kSide; ++i) grid.positions.emplace_back(i % kSide, 0.01f * static_cast<float>(i % 7), i / kSide);
+  for (uint32_t i = 0; i < kSide * kSide; ++i)
+    grid.positions.emplace_back(i % kSide, 0.01f * static_cast<float>(i % 7), i / kSide);
   for (uint32_t i = 0; i + kSide < kSide * kSide; ++i)
     if (i % kSide + 1 < kSide) grid.indices.insert(grid.indices.end(), {i, i + kSide, i + 1});
   scenes::GlbWriter writer;

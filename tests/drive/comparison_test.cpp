@@ -27,7 +27,8 @@ std::vector<FrameTruth> truths(const std::vector<std::pair<int, int>>& shares) {
 constexpr std::pair<int, int> kClear{100, 100}, kOneLost{0, 100}, kBothLost{0, 0}, kHalf{50, 100}, kUnjudged{-1, -1};
 
 TEST(TellingFrames, AreTheMiddlesOfTheLongestRunsInOrderOfTime) {
-  const auto follow = truths({kOneLost, kClear, kOneLost, kBothLost, kOneLost, kClear, kBothLost, kBothLost, kBothLost, kBothLost, kBothLost});
+  const auto follow = truths(
+      {kOneLost, kClear, kOneLost, kBothLost, kOneLost, kClear, kBothLost, kBothLost, kBothLost, kBothLost, kBothLost});
   const auto ours = truths(std::vector(11, kClear));
   EXPECT_THAT(telling_frames(follow, ours, 1), ElementsAre(8u));
   EXPECT_THAT(telling_frames(follow, ours, 2), ElementsAre(3u, 8u));

@@ -1,5 +1,5 @@
-// The replies of a session depend only on its messages: not on the daemon's number of threads, not on its other sessions,
-// not on the run.
+// The replies of a session depend only on its messages: not on the daemon's number of threads, not on its other
+// sessions, not on the run.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -8,8 +8,8 @@
 #include "scenes/hall.h"
 #include "scenes/rooms.h"
 #include "server/base/hash.h"
-#include "tests/support/daemon_process.h"
 #include "tests/drive/drive_support.h"
+#include "tests/support/daemon_process.h"
 
 namespace sightline {
 namespace {
@@ -77,8 +77,8 @@ TEST_P(Determinism, ThreadsNeighboursAndRunsChangeNoBitOfTheReplies) {
 std::string name_of_preset(const testing::TestParamInfo<v1::Settings::Preset>& info) {
   return v1::Settings::Preset_Name(info.param);
 }
-INSTANTIATE_TEST_SUITE_P(Presets, Determinism, testing::Values(v1::Settings::PRESET_SIGHTLINE, v1::Settings::PRESET_PAPER),
-                         name_of_preset);
+INSTANTIATE_TEST_SUITE_P(Presets, Determinism,
+                         testing::Values(v1::Settings::PRESET_SIGHTLINE, v1::Settings::PRESET_PAPER), name_of_preset);
 
 // The hash must differ between two different runs.
 TEST(Determinism, AnotherPresetIsAnotherTrace) {

@@ -28,7 +28,8 @@ uint64_t now_ns() {
   return static_cast<uint64_t>(std::chrono::system_clock::now().time_since_epoch() / std::chrono::nanoseconds(1));
 }
 
-// Eleven ticks at 10 Hz; every other one is merged into the next, so that six replies come. Every other reply has a picture's truth.
+// Eleven ticks at 10 Hz; every other one is merged into the next, so that six replies come. Every other reply has a
+// picture's truth.
 class DrivePageTest : public testing::Test {
  protected:
   DrivePageTest() {
@@ -56,7 +57,8 @@ class DrivePageTest : public testing::Test {
     frame.latency_ms = 5.0 + static_cast<double>(i);
     FrameTruth& truth = truths_.emplace_back();
     truth.body.clearance_m = 1.0f + static_cast<float>(i);
-    if (i % 2 == 0) truth.picture.emplace().targets = {{2, 200, 150, true}, {1, 100, 25 + static_cast<uint32_t>(i), true}};
+    if (i % 2 == 0)
+      truth.picture.emplace().targets = {{2, 200, 150, true}, {1, 100, 25 + static_cast<uint32_t>(i), true}};
   }
   SessionPage page() {
     const auto made = drive_page({*scenario_, file_, open_, opened_, play_, frames_, truths_, run_, follow_}, "a title",
@@ -65,7 +67,8 @@ class DrivePageTest : public testing::Test {
     return *made;
   }
 
-  const std::vector<std::byte> file_ = test::SmallScene(1.0, {0, 1, 8}).target("anna", {-1.5, 0, 0}).target("ben", {1.5, 0, 0}).write();
+  const std::vector<std::byte>
+      file_ = test::SmallScene(1.0, {0, 1, 8}).target("anna", {-1.5, 0, 0}).target("ben", {1.5, 0, 0}).write();
   const std::unique_ptr<SamplerDevice> sampler_ = make_embree_sampler_device();
   LocalWorld world_{"", *sampler_};
   std::optional<Scenario> scenario_;
@@ -104,13 +107,16 @@ TEST_F(DrivePageTest, TellsTheFactsOfTheDrive) {
   const uint64_t before_ns = now_ns();
   const SessionPage made = page();
   EXPECT_EQ(made.title, "a title");
-  for (const Fact& fact : {Fact("ticks", "11"), Fact("replies", "6"), Fact("refused", "0"), Fact("session", "the-session"), Fact("label", "a title"),
-                           Fact("sampler", "embree"), Fact("seed", "7"), Fact("part", "1"), Fact("instances", std::to_string(opened_.instance_count())),
-                           Fact("triangles", std::to_string(opened_.triangle_count())), Fact("rate", "10 Hz, as fast as replies come")})
+  for (const Fact& fact :
+       {Fact("ticks", "11"), Fact("replies", "6"), Fact("refused", "0"), Fact("session", "the-session"),
+        Fact("label", "a title"), Fact("sampler", "embree"), Fact("seed", "7"), Fact("part", "1"),
+        Fact("instances", std::to_string(opened_.instance_count())),
+        Fact("triangles", std::to_string(opened_.triangle_count())), Fact("rate", "10 Hz, as fast as replies come")})
     EXPECT_THAT(made.facts, Contains(fact));
   EXPECT_GT(opened_.triangle_count(), 0u);
   // The play began 1.05 s before its last reply, which is taken to have come just now.
-  const auto start = std::find_if(made.facts.begin(), made.facts.end(), [](const Fact& fact) { return fact.first == "start"; });
+  const auto start = std::find_if(made.facts.begin(), made.facts.end(),
+                                  [](const Fact& fact) { return fact.first == "start"; });
   ASSERT_NE(start, made.facts.end());
   EXPECT_GE(start->second, utc_text(before_ns - 1'050'000'000));
   EXPECT_LE(start->second, utc_text(now_ns() - 1'050'000'000));

@@ -5,8 +5,8 @@
 #include <cstdlib>
 
 #include "client/page/contact_sheet.h"
-#include "client/truth/follow.h"
 #include "client/scenario/scenario_session.h"
+#include "client/truth/follow.h"
 #include "server/scene/gltf.h"
 
 namespace sightline::test {
@@ -45,8 +45,7 @@ struct Reference {
     if (!made) throw std::runtime_error(to_string(made.error()));
     world = std::move(*made);
   }
-  RunMetrics judge_path(std::span<const CameraFrame> path, int picture_every,
-                        std::vector<FrameTruth>& truths) {
+  RunMetrics judge_path(std::span<const CameraFrame> path, int picture_every, std::vector<FrameTruth>& truths) {
     JudgeOptions options;
     options.picture_every = picture_every;
     options.picture_size = kTruthSize / 2;
@@ -83,8 +82,7 @@ Driven drive(const std::string& address, std::span<const std::byte> glb, const D
   for (const PlayedFrame& played : driven.frames) driven.path.push_back(played.frame);
   driven.run = reference.judge_path(driven.path, options.picture_every, driven.truths);
   std::vector<FrameTruth> unused;
-  driven.follow =
-      reference.judge_path(follow_path(*reference.world, driven.path), options.picture_every, unused);
+  driven.follow = reference.judge_path(follow_path(*reference.world, driven.path), options.picture_every, unused);
   return driven;
 }
 
@@ -92,8 +90,8 @@ void keep_picture(const std::string& name, std::span<const std::byte> glb, const
   const char* folder = std::getenv("SIGHTLINE_TEST_PICTURES");
   if (!folder || driven.path.empty()) return;
   Reference reference(glb);
-  const Status written =
-      write_png(contact_sheet(*reference.world, driven.path), std::string(folder) + "/" + name + ".png");
+  const Status written = write_png(contact_sheet(*reference.world, driven.path),
+                                   std::string(folder) + "/" + name + ".png");
   EXPECT_TRUE(written) << to_string(written.error());
 }
 

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "client/truth/metrics.h"
 #include "client/drive/player.h"
+#include "client/truth/metrics.h"
 
 namespace sightline::test {
 
@@ -29,8 +29,7 @@ std::vector<PlayedFrame> play_only(const std::string& address, std::span<const s
                                    const DriveTestOptions& options = {});
 
 // Like play_only, then judges the run and the follow baseline. After a failure `frames` is empty.
-Driven drive(const std::string& address, std::span<const std::byte> glb,
-             const DriveTestOptions& options = {});
+Driven drive(const std::string& address, std::span<const std::byte> glb, const DriveTestOptions& options = {});
 
 // Writes the contact sheet of a drive where SIGHTLINE_TEST_PICTURES names a folder; otherwise does nothing.
 void keep_picture(const std::string& name, std::span<const std::byte> glb, const Driven& driven);

@@ -11,8 +11,8 @@
 #include "client/drive/drive_command.h"
 #include "scenes/hall.h"
 #include "scenes/rooms.h"
-#include "tests/support/daemon_process.h"
 #include "tests/drive/drive_support.h"
+#include "tests/support/daemon_process.h"
 #include "tests/support/temporary_folder.h"
 
 namespace sightline {
@@ -96,8 +96,8 @@ class DriveCommandTest : public DriveTest {
 TEST_F(DriveCommandTest, PrintsALineASecondAndATableAndWritesItsFiles) {
   ASSERT_EQ(run(), 0) << err_.str();
   const std::string text = out_.str();
-  for (const char* part : {"0.0 s  (", "1.0 s  (", "2.0 s  (", "S_V ", "mean visible share", "r_N", "r_P",
-                           "d_c", "p99", "follow", "contact.png"})
+  for (const char* part : {"0.0 s  (", "1.0 s  (", "2.0 s  (", "S_V ", "mean visible share", "r_N", "r_P", "d_c", "p99",
+                           "follow", "contact.png"})
     EXPECT_THAT(text, HasSubstr(part));
   EXPECT_TRUE(err_.str().empty()) << err_.str();
   EXPECT_GT(std::filesystem::file_size(options_.out + "/contact.png"), 10'000u);
@@ -119,9 +119,8 @@ TEST_F(DriveCommandTest, ThePresetIsWhatTheSessionStartsFrom) {
   const auto uses_pairs = [&] {
     EXPECT_EQ(run(), 0) << err_.str();
     const auto lines = trace_lines();
-    return std::any_of(lines.begin(), lines.end(), [](const std::string& line) {
-      return line.find("PAIR") != std::string::npos;
-    });
+    return std::any_of(lines.begin(), lines.end(),
+                       [](const std::string& line) { return line.find("PAIR") != std::string::npos; });
   };
   EXPECT_FALSE(uses_pairs());
   options_.preset = "paper";

@@ -12,8 +12,8 @@
 #include "scenes/glb_writer.h"
 #include "server/scene/gltf.h"
 #include "server/scene/primitives.h"
-#include "tests/support/daemon_process.h"
 #include "tests/drive/drive_support.h"
+#include "tests/support/daemon_process.h"
 
 namespace sightline {
 namespace {
@@ -38,8 +38,7 @@ MeshData baked(const fs::path& file, GeometryStore& store) {
     if (node.mesh < 0 || node.parent >= 0) continue;
     const Geometry& geometry = *(*asset)->meshes[node.mesh];
     const auto first = static_cast<uint32_t>(mesh.positions.size());
-    for (const glm::vec3& p : geometry.positions)
-      mesh.positions.emplace_back(transform_point(world[k], glm::dvec3(p)));
+    for (const glm::vec3& p : geometry.positions) mesh.positions.emplace_back(transform_point(world[k], glm::dvec3(p)));
     for (const uint32_t index : geometry.indices) mesh.indices.push_back(first + index);
   }
   return mesh;
@@ -86,8 +85,8 @@ class Level {
   }
 
   void add_room(int room) {
-    static const std::array<const char*, 4> kFloors{"floor_tile_large", "floor_dirt_large",
-                                                    "floor_wood_large", "floor_tile_large"};
+    static const std::array<const char*, 4> kFloors{"floor_tile_large", "floor_dirt_large", "floor_wood_large",
+                                                    "floor_tile_large"};
     const double x0 = room * kRoom;
     for (int i = 0; i < kTiles; ++i)
       for (int j = 0; j < kTiles; ++j) add(kFloors[room], {x0 + (i + 0.5) * kTile, 0, (j + 0.5) * kTile});
@@ -167,8 +166,7 @@ class Level {
 
 TEST(RealAssets, TheCameraIsSteeredThroughALevelOfThem) {
   if (!fs::exists(assets_folder() / "wall.glb"))
-    GTEST_SKIP() << "no KayKit Dungeon assets in " << assets_folder()
-                 << "; SIGHTLINE_ASSETS names another folder";
+    GTEST_SKIP() << "no KayKit Dungeon assets in " << assets_folder() << "; SIGHTLINE_ASSETS names another folder";
   Level level(assets_folder());
   const auto glb = level.write();
   EXPECT_GE(level.pieces(), 60u);

@@ -156,8 +156,8 @@ TEST_F(PicturesTest, ASheetShowsEvenlySpacedFramesFromTheFirstToTheLast) {
   EXPECT_EQ(sheet.width, 2 * (panel.width + 4) + 4);
   EXPECT_EQ(sheet.height, 2 * (panel.height + 4) + 4);
   for (int k = 0; k < 4; ++k)
-    EXPECT_TRUE(holds(sheet, draw_frame(*world_, frames[static_cast<size_t>(2 * k)], kWidth), 4 + k % 2 * (panel.width + 4),
-                      4 + k / 2 * (panel.height + 4)))
+    EXPECT_TRUE(holds(sheet, draw_frame(*world_, frames[static_cast<size_t>(2 * k)], kWidth),
+                      4 + k % 2 * (panel.width + 4), 4 + k / 2 * (panel.height + 4)))
         << k;
   EXPECT_TRUE(holds(contact_sheet(*world_, frames, {.columns = 1, .rows = 1, .panel_width = kWidth}), panel, 4, 4));
 }
@@ -172,7 +172,9 @@ TEST_F(PicturesTest, AComparisonHasTheFollowCamerasRowAboveSightlines) {
   for (int k = 0; k < 2; ++k) {
     const int left = k * (panel.width + 4);
     EXPECT_TRUE(holds(whole, draw_frame(*world_, follow[static_cast<size_t>(k)], kWidth), left, label)) << k;
-    EXPECT_TRUE(holds(whole, draw_frame(*world_, sightline[static_cast<size_t>(k)], kWidth), left, whole.height / 2 + label)) << k;
+    EXPECT_TRUE(
+        holds(whole, draw_frame(*world_, sightline[static_cast<size_t>(k)], kWidth), left, whole.height / 2 + label))
+        << k;
   }
   // Each row has a label in white, a few pixels from the left edge.
   for (const int top : {0, whole.height / 2}) {

@@ -11,14 +11,16 @@ namespace sightline {
 namespace {
 
 const std::string kColumns =
-    "sequence,time_s,pose_time_s,x_m,y_m,z_m,qx,qy,qz,qw,vx_mps,vy_mps,vz_mps,vertical_fov_rad,candidates,s_v,s_p,s_n,status,reason,volume,"
-    "pair_fallback,merged_ticks,cut,dt_capped,resampled_faces,body_overlap,latency_ms,queue_us,scene_us,bound_us,sample_us,aggregate_us,"
+    "sequence,time_s,pose_time_s,x_m,y_m,z_m,qx,qy,qz,qw,vx_mps,vy_mps,vz_mps,vertical_fov_rad,candidates,s_v,s_p,s_n,"
+    "status,reason,volume,"
+    "pair_fallback,merged_ticks,cut,dt_capped,resampled_faces,body_overlap,latency_ms,queue_us,scene_us,bound_us,"
+    "sample_us,aggregate_us,"
     "move_us,total_us,clearance_m,crossed,r_n,r_p,r_p_tolerant";
 
 std::string columns_of(const std::string& target) {
   std::string columns;
-  for (const char* column : {"state", "visible_share", "in_picture", "distance_m", "occluder", "occluder_share", "true_alone_px",
-                             "true_visible_px", "true_visible_share"})
+  for (const char* column : {"state", "visible_share", "in_picture", "distance_m", "occluder", "occluder_share",
+                             "true_alone_px", "true_visible_px", "true_visible_share"})
     columns += "," + target + "." + column;
   return columns;
 }
@@ -49,14 +51,16 @@ PlayedFrame full_frame() {
 
 v1::TargetVisibility& see(PlayedFrame& frame, uint64_t id, v1::TargetState state, double share) {
   v1::TargetVisibility& seen = *frame.reply.add_targets();
-  seen.set_id(id), seen.set_state(state), seen.set_visible_share(share), seen.set_in_picture(true), seen.set_distance(9.25);
+  seen.set_id(id), seen.set_state(state), seen.set_visible_share(share), seen.set_in_picture(true),
+      seen.set_distance(9.25);
   return seen;
 }
 
 // Two targets; the name of the second needs quotes.
 class TraceTest : public testing::Test {
  protected:
-  TraceTest() : place_(test::SmallScene(1.0, {0, 1, 8}).target("anna", {-1, 0, 0}).target("ben \"b\", late", {1, 0, 0})) {
+  TraceTest()
+      : place_(test::SmallScene(1.0, {0, 1, 8}).target("anna", {-1, 0, 0}).target("ben \"b\", late", {1, 0, 0})) {
     out_.precision(3);
   }
   std::string trace(const std::vector<PlayedFrame>& frames, const std::vector<FrameTruth>& truths) {
@@ -66,13 +70,15 @@ class TraceTest : public testing::Test {
   }
   uint64_t id(size_t k) const { return place_.scenario.targets().at(k).id; }
 
-  const std::string header_ = kColumns + columns_of("anna") +
-                              ",\"ben \"\"b\"\", late.state\",\"ben \"\"b\"\", late.visible_share\",\"ben \"\"b\"\", late.in_picture\","
-                              "\"ben \"\"b\"\", late.distance_m\",\"ben \"\"b\"\", late.occluder\",\"ben \"\"b\"\", late.occluder_share\","
-                              "\"ben \"\"b\"\", late.true_alone_px\",\"ben \"\"b\"\", late.true_visible_px\","
-                              "\"ben \"\"b\"\", late.true_visible_share\"\n";
+  const std::string header_ =
+      kColumns + columns_of("anna") +
+      ",\"ben \"\"b\"\", late.state\",\"ben \"\"b\"\", late.visible_share\",\"ben \"\"b\"\", late.in_picture\","
+      "\"ben \"\"b\"\", late.distance_m\",\"ben \"\"b\"\", late.occluder\",\"ben \"\"b\"\", late.occluder_share\","
+      "\"ben \"\"b\"\", late.true_alone_px\",\"ben \"\"b\"\", late.true_visible_px\","
+      "\"ben \"\"b\"\", late.true_visible_share\"\n";
   const std::string reply_ =
-      "7,1.5,1.625,0.10000000000000001,2,-3,0.5,-0.5,0.25,0.75,4,5,6,0.875,100,60,30,10,PARTIAL_VIEW,ON_TRAIL,PAIR,ON_LINE,3,1,0,1,0,"
+      "7,1.5,1.625,0.10000000000000001,2,-3,0.5,-0.5,0.25,0.75,4,5,6,0.875,100,60,30,10,PARTIAL_VIEW,ON_TRAIL,PAIR,ON_"
+      "LINE,3,1,0,1,0,"
       "0.333333,11,12,13,14,15,16,81";
   test::Place place_;
   std::ostringstream out_;
@@ -90,7 +96,8 @@ TEST_F(TraceTest, HoldsWhatTheReplyAndTheTruthSay) {
   FrameTruth truth;
   truth.body.clearance_m = 2.5f, truth.body.crossed = true;
   truth.picture.emplace().targets = {{id(0), 300, 100, true}, {id(1), 50, 50, true}};
-  EXPECT_EQ(trace({frame}, {truth}), header_ + reply_ + ",2.5,1,0,1,1,PARTIAL,0.666667,1,9.25,42,0.125,300,100,0.333333" +
+  EXPECT_EQ(trace({frame}, {truth}), header_ + reply_ +
+                                         ",2.5,1,0,1,1,PARTIAL,0.666667,1,9.25,42,0.125,300,100,0.333333" +
                                          ",VISIBLE,1,1,9.25,,,50,50,1\n");
 }
 

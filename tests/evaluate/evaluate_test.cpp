@@ -22,10 +22,10 @@
 #include "scenes/glb_writer.h"
 #include "scenes/hall.h"
 #include "scenes/rooms.h"
+#include "server/paper/paper_settings.h"
 #include "server/sample/embree_sampler.h"
 #include "server/scene/gltf.h"
 #include "server/scene/primitives.h"
-#include "server/paper/paper_settings.h"
 #include "server/wire/settings_to_proto.h"
 #include "tests/evaluate/table_files.h"
 #include "tests/support/temporary_folder.h"
@@ -72,8 +72,7 @@ TEST(SpringArm, NoWallStandsBetweenTheTargetsCentreAndTheCamera) {
   SpringArmPolicy arm(place.site(), place.world());
   const auto world = place.world();
   std::vector<uint32_t> targets;
-  for (const Target& target : world->targets())
-    targets.push_back(*world->mirror().slot_of(target.instance_id));
+  for (const Target& target : world->targets()) targets.push_back(*world->mirror().slot_of(target.instance_id));
   std::sort(targets.begin(), targets.end());
   RayFilter walls;
   walls.ignored_slots = targets;
@@ -171,7 +170,8 @@ std::vector<PolicyStep> first_second(Place& place, const char* name) {
   return steps;
 }
 
-// In the open every policy begins where the scenario's camera stands, keeps its lens, and shows both people in every frame.
+// In the open every policy begins where the scenario's camera stands, keeps its lens, and shows both people in every
+// frame.
 TEST(Policies, BeginAtTheScenariosCameraAndKeepLookingAtTheTargets) {
   Place place(two_people(false));
   const glm::dvec3 center_m(0, 0, 0);
@@ -209,7 +209,8 @@ TEST(Policies, TurnAfterTargetsThatWalkAway) {
       world->set_time(k / 60.0);
       const glm::dvec3 way = world->targets_center_m() - step->camera.position_m;
       apart_m = glm::length(way);
-      EXPECT_TRUE(k <= 30 || glm::dot(step->camera.rotation * glm::dvec3(0, 0, -1), way / apart_m) > std::cos(0.4)) << name << " " << k;
+      EXPECT_TRUE(k <= 30 || glm::dot(step->camera.rotation * glm::dvec3(0, 0, -1), way / apart_m) > std::cos(0.4))
+          << name << " " << k;
     }
     EXPECT_LT(apart_m, 12.0) << name << " follows at 4 m/s";
   }
@@ -289,7 +290,8 @@ TEST(Evaluation, TellsHowFarItIs) {
   EvaluationOptions options{.rate_hz = 10.0, .duration_s = 0.0, .picture_every = 1, .jobs = 1, .progress = {}};
   options.progress = [&](double share) { shares.push_back(share); };
   auto walk = scenes::make_hall({.duration_s = 2.0});
-  const SceneCase hall{"hall", 1, [&](GeometryStore& store) { return Scenario::from_asset(*read_gltf(walk, nullptr, store)); }};
+  const SceneCase hall{"hall", 1,
+                       [&](GeometryStore& store) { return Scenario::from_asset(*read_gltf(walk, nullptr, store)); }};
   const auto runs = evaluate(std::vector<SceneCase>{hall}, follow, options);
   ASSERT_TRUE(runs) << to_string(runs.error());
   ASSERT_GE(shares.size(), 2 * 21u) << "while it plays and while it judges";
@@ -314,7 +316,8 @@ TEST_F(EvaluateCommand, WritesARowARunAndARowAPicture) {
   EXPECT_EQ(runs.at("reported_pairs")[0], "") << "follow reports nothing";
   EXPECT_EQ(runs.at("reported_pairs")[1], "8") << "two targets in four pictures";
   EXPECT_EQ(runs.at("pair_volume_share")[1], "0") << "the default uses the lattice";
-  for (const char* column : {"goal_jumps_per_s", "pair_volume_share", "tracking_while_lost", "lost_called_tracking", "tracking_while_half_hidden"}) {
+  for (const char* column : {"goal_jumps_per_s", "pair_volume_share", "tracking_while_lost", "lost_called_tracking",
+                             "tracking_while_half_hidden"}) {
     EXPECT_EQ(runs.at(column)[0], "") << "follow has neither a goal nor a status";
     EXPECT_NE(runs.at(column)[1], "") << column;
   }
@@ -367,7 +370,8 @@ TEST_F(EvaluateCommand, TellsTheShareOfPairVolumesWithEitherSampler) {
     const int status = run_evaluate_command(options, out, err);
     if (status != 0 && sampler == "egl" && !std::getenv("SIGHTLINE_REQUIRE_EGL")) GTEST_SKIP() << err.str();
     ASSERT_EQ(status, 0) << err.str();
-    EXPECT_THAT(columns_of(files_in(options.out).at("runs.csv")).at("pair_volume_share"), ElementsAre("1", "1")) << sampler;
+    EXPECT_THAT(columns_of(files_in(options.out).at("runs.csv")).at("pair_volume_share"), ElementsAre("1", "1"))
+        << sampler;
   }
 }
 
@@ -378,7 +382,8 @@ TEST_F(EvaluateCommand, PlaysTheCeilingOnlyWhenAsked) {
   options.duration_s = 0.2;
   ASSERT_EQ(run_evaluate_command(options, out, err), 0) << err.str();
   const auto runs = columns_of(files_in(options.out).at("runs.csv"));
-  EXPECT_THAT(runs.at("policy"), ElementsAre("\"follow\"", "\"spring-arm\"", "\"raycast\"", "\"paper\"", "\"sightline\""));
+  EXPECT_THAT(runs.at("policy"),
+              ElementsAre("\"follow\"", "\"spring-arm\"", "\"raycast\"", "\"paper\"", "\"sightline\""));
   EXPECT_THAT(runs.at("most_joint"), ElementsAre("", "", "", "", ""));
   EXPECT_THAT(out.str(), Not(HasSubstr("100.0 %"))) << "no ceiling, no share of it";
 }
@@ -459,8 +464,8 @@ TEST(EvaluateCases, WithoutNamesAreEverySceneOfTheStudyAtEverySeed) {
     EXPECT_EQ(seeds, 2) << name;
     if (name.starts_with("arena") || name.starts_with("crowd")) sized.push_back(name);
   }
-  EXPECT_THAT(sized, ElementsAre("arena-2", "arena-3", "arena-4", "arena-5", "arena-6", "arena-7", "arena-8", "crowd-0", "crowd-10", "crowd-20",
-                                 "crowd-35"));
+  EXPECT_THAT(sized, ElementsAre("arena-2", "arena-3", "arena-4", "arena-5", "arena-6", "arena-7", "arena-8", "crowd-0",
+                                 "crowd-10", "crowd-20", "crowd-35"));
   GeometryStore store;
   for (const SceneCase& scene : *cases) {
     if (scene.name != "arena-7") continue;
@@ -514,8 +519,7 @@ TEST(PaperSettings, AreTheRowsOfThePapersTables) {
   const auto add = [&](const std::string& name, const StepSettings& settings) {
     rows[name] = settings_to_proto(settings).SerializeAsString();
   };
-  for (const auto& [name, strategy] :
-       {std::pair("basic", Strategy::kBasic), std::pair("robust", Strategy::kRobust)}) {
+  for (const auto& [name, strategy] : {std::pair("basic", Strategy::kBasic), std::pair("robust", Strategy::kRobust)}) {
     add(name, paper_row(strategy, 0.0));
     for (const int ms : {100, 300, 500})
       add(std::string(name).append("-").append(std::to_string(ms)), paper_row(strategy, 0.001 * ms));

@@ -21,7 +21,8 @@ StepDump decided(MoveReason reason) {
 
 TEST(ReasonClaims, AreOfThePlacesOfTheStep) {
   constexpr double kBodyM = 0.3;
-  for (const MoveReason reason : {MoveReason::kAtDesiredPlace, MoveReason::kOtherShot, MoveReason::kBestAllVisible, MoveReason::kNearestView, MoveReason::kBestPartial}) {
+  for (const MoveReason reason : {MoveReason::kAtDesiredPlace, MoveReason::kOtherShot, MoveReason::kBestAllVisible,
+                                  MoveReason::kNearestView, MoveReason::kBestPartial}) {
     const auto claim = claim_of(decided(reason), 1.5, kBodyM);
     ASSERT_TRUE(claim) << to_string(reason);
     EXPECT_EQ(claim->reason, reason);
@@ -31,7 +32,8 @@ TEST(ReasonClaims, AreOfThePlacesOfTheStep) {
     EXPECT_EQ(claim->reach_m.size(), reason == MoveReason::kBestPartial ? 3u : 0u);
   }
   for (const MoveReason reason : {MoveReason::kStays, MoveReason::kBestSoon, MoveReason::kFarWay, MoveReason::kPaused})
-    EXPECT_FALSE(claim_of(decided(reason), 1.5, kBodyM)) << to_string(reason) << " says nothing of places that can be checked";
+    EXPECT_FALSE(claim_of(decided(reason), 1.5, kBodyM))
+        << to_string(reason) << " says nothing of places that can be checked";
   StepDump no_place = decided(MoveReason::kBestAllVisible);
   no_place.decision.chosen_candidate = -1;
   EXPECT_FALSE(claim_of(no_place, 1.5, kBodyM)) << "a claim without its place would always hold";
@@ -66,13 +68,19 @@ TEST(ReasonClaims, AreFalseWhereRaysSayOtherwise) {
     EXPECT_EQ(counts.at(claim.reason).claims, 1u);
     return counts.at(claim.reason).false_claims;
   };
-  for (const MoveReason reason : {MoveReason::kAtDesiredPlace, MoveReason::kOtherShot, MoveReason::kBestAllVisible, MoveReason::kNearestView}) {
-    EXPECT_EQ(false_claims({.reason = reason, .target_ids = ids, .place_m = sees_m, .reach_m = {}}), 0u) << to_string(reason);
-    EXPECT_EQ(false_claims({.reason = reason, .target_ids = ids, .place_m = under_ground_m, .reach_m = {}}), 1u) << to_string(reason);
+  for (const MoveReason reason :
+       {MoveReason::kAtDesiredPlace, MoveReason::kOtherShot, MoveReason::kBestAllVisible, MoveReason::kNearestView}) {
+    EXPECT_EQ(false_claims({.reason = reason, .target_ids = ids, .place_m = sees_m, .reach_m = {}}), 0u)
+        << to_string(reason);
+    EXPECT_EQ(false_claims({.reason = reason, .target_ids = ids, .place_m = under_ground_m, .reach_m = {}}), 1u)
+        << to_string(reason);
   }
   for (const MoveReason reason : {MoveReason::kBestPartial, MoveReason::kHorizonGrown, MoveReason::kOnTrail}) {
-    EXPECT_EQ(false_claims({.reason = reason, .target_ids = ids, .place_m = {}, .reach_m = {under_ground_m}}), 0u) << to_string(reason);
-    EXPECT_EQ(false_claims({.reason = reason, .target_ids = ids, .place_m = {}, .reach_m = {under_ground_m, sees_m}}), 1u) << to_string(reason);
+    EXPECT_EQ(false_claims({.reason = reason, .target_ids = ids, .place_m = {}, .reach_m = {under_ground_m}}), 0u)
+        << to_string(reason);
+    EXPECT_EQ(false_claims({.reason = reason, .target_ids = ids, .place_m = {}, .reach_m = {under_ground_m, sees_m}}),
+              1u)
+        << to_string(reason);
   }
 }
 

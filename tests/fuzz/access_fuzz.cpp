@@ -1,4 +1,5 @@
-// libFuzzer reads arbitrary access files. tests/fuzz.sh builds and runs this program with clang; the normal build runs it on its kept corpus.
+// libFuzzer reads arbitrary access files. tests/fuzz.sh builds and runs this program with clang; the normal build runs
+// it on its kept corpus.
 #include <cstdint>
 #include <cstdlib>
 #include <string_view>

@@ -1,5 +1,5 @@
-// libFuzzer writes configuration files. A file that is refused is refused with a reason. One that is taken can be printed, and what is
-// printed says the same.
+// libFuzzer writes configuration files. A file that is refused is refused with a reason. One that is taken can be
+// printed, and what is printed says the same.
 #include <sys/mman.h>
 #include <unistd.h>
 
@@ -37,7 +37,8 @@ Run run(std::string_view config, const char* what) {
   std::cout.rdbuf(former_out);
   std::cerr.rdbuf(former_err);
   close(file);
-  if (std::holds_alternative<CheckConfig>(command)) return {0, out.str(), err.str()};  // what is left is to try the flags
+  // what is left is to try the flags
+  if (std::holds_alternative<CheckConfig>(command)) return {0, out.str(), err.str()};
   if (!std::holds_alternative<Exit>(command)) std::abort();
   return {std::get<Exit>(command).code, out.str(), err.str()};
 }

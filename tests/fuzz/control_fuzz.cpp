@@ -1,10 +1,12 @@
-// libFuzzer plays a client of one session: an opening, ticks and scene deltas in any order, as bytes of the wire, without a network. The
-// messages go the way that they go in the service: weighed, parsed, converted, applied, stepped, and answered. Depth maps come from Embree,
-// or from a sampler that makes them up, so that steps are short and see anything.
+// libFuzzer plays a client of one session: an opening, ticks and scene deltas in any order, as bytes of the wire,
+// without a network. The messages go the way that they go in the service: weighed, parsed, converted, applied, stepped,
+// and answered. Depth maps come from Embree, or from a sampler that makes them up, so that steps are short and see
+// anything.
 //
-// An input is a list of messages, each with its length (two bytes) before it. The first byte of all has options: 1 prepares tables of the
-// targets' extents. With 2, a session of two boxes is open already and the messages are ticks alone, whose sequence and time the target counts:
-// hardly any input that the fuzzer changes at random still opens a session by itself. 4 takes the maps with Embree.
+// An input is a list of messages, each with its length (two bytes) before it. The first byte of all has options: 1
+// prepares tables of the targets' extents. With 2, a session of two boxes is open already and the messages are ticks
+// alone, whose sequence and time the target counts: hardly any input that the fuzzer changes at random still opens a
+// session by itself. 4 takes the maps with Embree.
 
 #include <cmath>
 #include <cstdlib>
@@ -67,10 +69,12 @@ bool all_finite(const google::protobuf::Message& message) {
     const int count = field->is_repeated() ? reflection.FieldSize(message, field) : 1;
     for (int i = 0; i < count; ++i) {
       if (field->cpp_type() == Field::CPPTYPE_DOUBLE &&
-          !std::isfinite(field->is_repeated() ? reflection.GetRepeatedDouble(message, field, i) : reflection.GetDouble(message, field)))
+          !std::isfinite(field->is_repeated() ? reflection.GetRepeatedDouble(message, field, i)
+                                              : reflection.GetDouble(message, field)))
         return false;
       if (field->cpp_type() == Field::CPPTYPE_MESSAGE &&
-          !all_finite(field->is_repeated() ? reflection.GetRepeatedMessage(message, field, i) : reflection.GetMessage(message, field)))
+          !all_finite(field->is_repeated() ? reflection.GetRepeatedMessage(message, field, i)
+                                           : reflection.GetMessage(message, field)))
         return false;
     }
   }
@@ -136,13 +140,15 @@ class Client {
   }
 
   void tick(const v1::Tick& request) {
-    const uint64_t revision = session_->mirror().revision(), hash = session_->mirror().hash(), sequence = session_->sequence();
+    const uint64_t revision = session_->mirror().revision(), hash = session_->mirror().hash(),
+                   sequence = session_->sequence();
     auto input = tick_from_proto(request, *session_, {library_, store_});
     const bool too_much = input && over_budget(*input);
     const Status applied = !input ? tl::unexpected(input.error()) : too_much ? Status{} : session_->apply(*input);
     if (!applied || too_much) {
       if (!applied) refused(applied.error(), &session_->mirror(), request.sequence());
-      must(session_->mirror().revision() == revision && session_->mirror().hash() == hash && session_->sequence() == sequence);
+      must(session_->mirror().revision() == revision && session_->mirror().hash() == hash &&
+           session_->sequence() == sequence);
       return;
     }
     must(session_->sequence() == request.sequence());
@@ -154,7 +160,8 @@ class Client {
     const StepSettings& settings = input.settings ? *input.settings : session_->settings();
     const std::vector<Target>& targets = input.targets ? *input.targets : session_->targets();
     const SessionLimits limits{.session_bytes = 0, .max_step_cost_ms = kMostStepCostMs};
-    return session_->mirror().size() + input.delta.add.size() > kMostInstances || !check_step_cost(settings, targets, limits, "tick");
+    return session_->mirror().size() + input.delta.add.size() > kMostInstances ||
+           !check_step_cost(settings, targets, limits, "tick");
   }
 
   void step(const v1::Tick& request) {
@@ -170,7 +177,8 @@ class Client {
     reply.clear_depth_maps();
     must(all_finite(reply));
     must(static_cast<size_t>(reply.targets_size()) == session_->targets().size());
-    for (const v1::TargetVisibility& target : reply.targets()) must(target.visible_share() >= 0 && target.visible_share() <= 1);
+    for (const v1::TargetVisibility& target : reply.targets())
+      must(target.visible_share() >= 0 && target.visible_share() <= 1);
     std::string memory;
     session_->write_memory(memory);
     must(!memory.empty());
@@ -194,7 +202,8 @@ class Client {
   int steps_ = 0;
 };
 
-// Weighs the message before it is parsed, as the service does. False when it is too heavy or no message, and otherwise what `use` says.
+// Weighs the message before it is parsed, as the service does. False when it is too heavy or no message, and otherwise
+// what `use` says.
 template <typename Message, typename Use>
 bool parsed(std::span<const uint8_t> bytes, const Use& use) {
   Message message;
@@ -219,8 +228,10 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (options & 2) client.open_usual();
   while (!feed.empty()) {
     const auto bytes = feed.bytes(feed.take<uint16_t>());
-    const bool goes_on = options & 2 ? parsed<v1::Tick>(bytes, [&](const v1::Tick& tick) { return client.send_next(tick); })
-                                     : parsed<v1::ControlRequest>(bytes, [&](const v1::ControlRequest& request) { return client.send(request); });
+    const bool goes_on = options & 2
+                             ? parsed<v1::Tick>(bytes, [&](const v1::Tick& tick) { return client.send_next(tick); })
+                             : parsed<v1::ControlRequest>(
+                                   bytes, [&](const v1::ControlRequest& request) { return client.send(request); });
     if (!goes_on) break;
   }
   return 0;

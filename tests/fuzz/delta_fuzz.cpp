@@ -1,5 +1,6 @@
-// libFuzzer chooses structural changes and transforms of a scene, right and wrong ones, and sends them to a mirror and to a plain model
-// (tests/support/plain_mirror.h). Both must take and refuse the same ones, and hold the same scene after each.
+// libFuzzer chooses structural changes and transforms of a scene, right and wrong ones, and sends them to a mirror and
+// to a plain model (tests/support/plain_mirror.h). Both must take and refuse the same ones, and hold the same scene
+// after each.
 #include <cstdlib>
 
 #include "server/scene/primitives.h"
@@ -33,7 +34,8 @@ Pose pose_from(ByteFeed& feed) {
   pose.position_m = vector_from(feed);
   const uint8_t choice = feed.byte();
   if (choice < 64) return pose;
-  pose.rotation = choice < 224 ? glm::angleAxis(choice * 0.03, glm::dvec3(0.6, 0, 0.8)) : glm::dquat(number_from(feed), vector_from(feed));
+  pose.rotation = choice < 224 ? glm::angleAxis(choice * 0.03, glm::dvec3(0.6, 0, 0.8))
+                               : glm::dquat(number_from(feed), vector_from(feed));
   return pose;
 }
 
@@ -47,8 +49,9 @@ InstanceAttributes attributes_from(ByteFeed& feed) {
 }
 
 std::shared_ptr<const Geometry> geometry_from(ByteFeed& feed) {
-  static const std::shared_ptr<const Geometry> kinds[] = {
-      nullptr, build_geometry(tessellate(BoxShape{}).value()).value(), build_geometry(tessellate(CylinderShape{}).value()).value()};
+  static const std::shared_ptr<const Geometry> kinds[] = {nullptr,
+                                                          build_geometry(tessellate(BoxShape{}).value()).value(),
+                                                          build_geometry(tessellate(CylinderShape{}).value()).value()};
   return kinds[feed.byte() % 8 == 0 ? 0 : 1 + feed.byte() % 2];
 }
 
@@ -85,7 +88,8 @@ TransformUpdate transforms_from(ByteFeed& feed) {
 
 // Compares all that clients and later stages can see of the mirror.
 void compare(const SceneMirror& mirror, const test::PlainMirror& plain) {
-  if (mirror.revision() != plain.revision() || mirror.size() != plain.size() || mirror.hash() != plain.hash()) std::abort();
+  if (mirror.revision() != plain.revision() || mirror.size() != plain.size() || mirror.hash() != plain.hash())
+    std::abort();
   size_t live = 0, moving = 0;
   for (const Instance& instance : mirror.instances()) {
     if (!instance.geometry) continue;

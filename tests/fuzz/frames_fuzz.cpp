@@ -1,5 +1,5 @@
-// libFuzzer sends arbitrary bytes of HTTP/2 to the watch, first those of a client and then those of a server, in pieces whose sizes it chooses as
-// well. The result must not depend on them.
+// libFuzzer sends arbitrary bytes of HTTP/2 to the watch, first those of a client and then those of a server, in pieces
+// whose sizes it chooses as well. The result must not depend on them.
 #include <algorithm>
 #include <cstdint>
 #include <cstdlib>

@@ -24,7 +24,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     for (const uint32_t index : mesh->indices)
       if (index >= mesh->positions.size()) std::abort();
     for (const glm::vec3& position : mesh->positions)
-      if (!(std::abs(position.x) <= kMaxCoordinateM && std::abs(position.y) <= kMaxCoordinateM && std::abs(position.z) <= kMaxCoordinateM))
+      if (!(std::abs(position.x) <= kMaxCoordinateM && std::abs(position.y) <= kMaxCoordinateM &&
+            std::abs(position.z) <= kMaxCoordinateM))
         std::abort();
   }
   const auto instances = instantiate(**asset, {}, store);

@@ -1,9 +1,11 @@
-// Sessions whose clients send legal and illegal extremes in every numeric field, with the real samplers: number_storm COUNT [SEED [SAMPLER [SESSION]]].
+// Sessions whose clients send legal and illegal extremes in every numeric field, with the real samplers: number_storm
+// COUNT [SEED [SAMPLER [SESSION]]].
 //
-// It plays COUNT ticks. Ordinary ticks alternate with extreme ones, in which one to three numbers are set to other values (number_fields.h). Messages
-// go the way that they go in the service: converted, applied, stepped, and answered. Every refusal must name a field. Every number of every
-// reply must be finite, and the camera must keep its limits. SAMPLER is `embree` (the default) or `egl`. With SESSION, only that session of the run
-// is played and each of its messages is printed: the last one printed is the one that failed.
+// It plays COUNT ticks. Ordinary ticks alternate with extreme ones, in which one to three numbers are set to other
+// values (number_fields.h). Messages go the way that they go in the service: converted, applied, stepped, and answered.
+// Every refusal must name a field. Every number of every reply must be finite, and the camera must keep its limits.
+// SAMPLER is `embree` (the default) or `egl`. With SESSION, only that session of the run is played and each of its
+// messages is printed: the last one printed is the one that failed.
 
 #include <atomic>
 #include <chrono>
@@ -44,7 +46,8 @@ struct Shared {
   SceneLibrary library{"", GltfLimits{}, store};
   ExtentCache extents;
   std::vector<std::shared_ptr<const Geometry>> kept;  // so that the tables of usual shapes are built once
-  std::vector<NumberField> of_open = number_fields(*v1::OpenSession::descriptor()), of_tick = number_fields(*v1::Tick::descriptor());
+  std::vector<NumberField> of_open = number_fields(*v1::OpenSession::descriptor()),
+                           of_tick = number_fields(*v1::Tick::descriptor());
   bool prints = false;
 };
 
@@ -57,13 +60,18 @@ double turned_rad(const glm::dquat& from, const glm::dquat& to) {
 class Player {
  public:
   Player(Shared& shared, uint64_t seed, uint64_t session, Counts& counts)
-      : shared_(shared), random_(seed, session, RandomPurpose::kTest), usual_(random_), session_number_(session), counts_(counts) {}
+      : shared_(shared),
+        random_(seed, session, RandomPurpose::kTest),
+        usual_(random_),
+        session_number_(session),
+        counts_(counts) {}
 
   void play(uint64_t most_ticks) {
     ++counts_.sessions;
     if (!open()) return;
     uint64_t refused = 0;
-    for (uint64_t i = 0; i < most_ticks && refused < kMostRefusedInARow && !wrong_; ++i) refused = tick(i) ? 0 : refused + 1;
+    for (uint64_t i = 0; i < most_ticks && refused < kMostRefusedInARow && !wrong_; ++i)
+      refused = tick(i) ? 0 : refused + 1;
   }
 
  private:
@@ -74,7 +82,8 @@ class Player {
     std::vector<std::string> warnings;
     auto options = session_options_from_proto(request, {shared_.library, shared_.store}, warnings);
     if (!options) return ++counts_.refused_openings, refused(options.error());
-    if (Status ok = check_step_cost(options->settings, options->targets, kLimits, "open.settings"); !ok) return ++counts_.refused_openings, false;
+    if (Status ok = check_step_cost(options->settings, options->targets, kLimits, "open.settings"); !ok)
+      return ++counts_.refused_openings, false;
     if (random_.next_below(4) != 0) options->extents = &shared_.extents;
     auto opened = Session::open(std::move(*options), shared_.device.make_sampler(), nullptr);
     if (!opened) return ++counts_.refused_openings, refused(opened.error());
@@ -111,7 +120,8 @@ class Player {
 
   void step(int quality_level) {
     const CameraState before = session_->carried().camera;
-    const double turning_radps = std::hypot(session_->carried().turn.yaw_rate_radps, session_->carried().turn.pitch_rate_radps);
+    const double turning_radps = std::hypot(session_->carried().turn.yaw_rate_radps,
+                                            session_->carried().turn.pitch_rate_radps);
     const auto start = std::chrono::steady_clock::now();
     const auto answer = session_->step(quality_level);
     note_time(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
@@ -138,7 +148,8 @@ class Player {
   void must_be_resumable() {
     std::string memory;
     session_->write_memory(memory);
-    if (const Status ok = session_->resume(Session::memory_layout(), memory); !ok) wrong("the state cannot be resumed: " + to_string(ok.error()));
+    if (const Status ok = session_->resume(Session::memory_layout(), memory); !ok)
+      wrong("the state cannot be resumed: " + to_string(ok.error()));
   }
 
   void must_keep_limits(const CameraState& before, double turning_radps, const CameraState& after, double dt_s) {
@@ -152,13 +163,15 @@ class Player {
     const double moved_m = glm::distance(after.pose.position_m, before.pose.position_m);
     if (moved_m > speed * dt_s + rounding_m) wrong("the camera moved farther than its speed allows");
     const double most_radps = std::max(limits.max_angular_speed_radps, turning_radps);
-    if (turned_rad(before.pose.rotation, after.pose.rotation) > most_radps * dt_s * (1 + 1e-6) + 1e-14) wrong("angular speed");
+    if (turned_rad(before.pose.rotation, after.pose.rotation) > most_radps * dt_s * (1 + 1e-6) + 1e-14)
+      wrong("angular speed");
   }
 
   void change(google::protobuf::Message& message, const std::vector<NumberField>& fields) {
     for (uint32_t left = 1 + random_.next_below(3); left > 0; --left) {
       const NumberField& field = fields[random_.next_below(static_cast<uint32_t>(fields.size()))];
-      const std::string value = set_number(message, field, random_, [&](google::protobuf::Message& added) { usual_.fill(added); });
+      const std::string value = set_number(message, field, random_,
+                                           [&](google::protobuf::Message& added) { usual_.fill(added); });
       if (shared_.prints) std::printf("%s = %s\n", field.path().c_str(), value.c_str());
     }
   }
@@ -227,12 +240,15 @@ int storm(SamplerDevice& device, uint64_t count, uint64_t seed, std::optional<ui
     told_s = seconds();
     std::printf("%.0f s: %llu ticks\n", told_s, static_cast<unsigned long long>(counts.ticks)), std::fflush(stdout);
   }
-  std::printf("longest step: %.0f ms, in session %llu\n", counts.longest_step_ms, static_cast<unsigned long long>(counts.longest_in));
-  std::printf("%llu sessions, %llu openings refused; %llu ticks, %llu refused; %llu replies, limits checked in %llu; %llu wrong; %.0f ticks a second\n",
-              static_cast<unsigned long long>(counts.sessions), static_cast<unsigned long long>(counts.refused_openings),
-              static_cast<unsigned long long>(counts.ticks), static_cast<unsigned long long>(counts.refused),
-              static_cast<unsigned long long>(counts.replies), static_cast<unsigned long long>(counts.checked_limits),
-              static_cast<unsigned long long>(counts.wrong), static_cast<double>(counts.ticks) / seconds());
+  std::printf("longest step: %.0f ms, in session %llu\n", counts.longest_step_ms,
+              static_cast<unsigned long long>(counts.longest_in));
+  std::printf(
+      "%llu sessions, %llu openings refused; %llu ticks, %llu refused; %llu replies, limits checked in %llu; %llu "
+      "wrong; %.0f ticks a second\n",
+      static_cast<unsigned long long>(counts.sessions), static_cast<unsigned long long>(counts.refused_openings),
+      static_cast<unsigned long long>(counts.ticks), static_cast<unsigned long long>(counts.refused),
+      static_cast<unsigned long long>(counts.replies), static_cast<unsigned long long>(counts.checked_limits),
+      static_cast<unsigned long long>(counts.wrong), static_cast<double>(counts.ticks) / seconds());
   return counts.wrong == 0 ? 0 : 1;
 }
 
@@ -249,7 +265,9 @@ int storm_with(const std::string& sampler, uint64_t count, uint64_t seed, std::o
 
 int main(int argc, char** argv) {
   if (argc < 2 || argc > 5) return std::fputs("usage: number_storm COUNT [SEED [SAMPLER [SESSION]]]\n", stderr), 2;
-  const auto number = [&](int i, uint64_t otherwise) { return i < argc ? std::strtoull(argv[i], nullptr, 10) : otherwise; };
+  const auto number = [&](int i, uint64_t otherwise) {
+    return i < argc ? std::strtoull(argv[i], nullptr, 10) : otherwise;
+  };
   google::protobuf::SetLogHandler(nullptr);
   for (const int signal : {SIGABRT, SIGSEGV, SIGFPE, SIGILL}) std::signal(signal, sightline::test::tell_session);
   return sightline::test::storm_with(argc > 3 ? argv[3] : "embree", number(1, 0), number(2, 1),

@@ -71,8 +71,10 @@ void UsualMessages::fill(google::protobuf::Message& message) {
   if (auto* camera = dynamic_cast<v1::ObservedCamera*>(&message)) place(*camera->mutable_pose());
   if (auto* part = dynamic_cast<v1::Shape::Part*>(&message)) *part->mutable_shape() = box(0.5, 0.5, 0.5);
   if (auto* custom = dynamic_cast<v1::CustomConvention*>(&message)) {
-    custom->set_x(v1::CustomConvention::AXIS_PLUS_X), custom->set_y(v1::CustomConvention::AXIS_PLUS_Y), custom->set_z(v1::CustomConvention::AXIS_PLUS_Z);
-    custom->set_camera_forward(v1::CustomConvention::AXIS_MINUS_Z), custom->set_camera_up(v1::CustomConvention::AXIS_PLUS_Y);
+    custom->set_x(v1::CustomConvention::AXIS_PLUS_X), custom->set_y(v1::CustomConvention::AXIS_PLUS_Y),
+        custom->set_z(v1::CustomConvention::AXIS_PLUS_Z);
+    custom->set_camera_forward(v1::CustomConvention::AXIS_MINUS_Z),
+        custom->set_camera_up(v1::CustomConvention::AXIS_PLUS_Y);
     custom->set_metres_per_unit(1);
   }
 }
@@ -112,12 +114,15 @@ v1::Tick UsualMessages::tick(uint64_t sequence, double time_s) {
   for (uint64_t id = 1; id <= targets_ + 1 && id <= instances_; ++id) {
     tick.mutable_transforms()->add_ids(id);
     const double angle = 0.03 * static_cast<double>(sequence) + static_cast<double>(id);
-    for (const double at : {3 * std::cos(angle), 0.9, 3 * std::sin(angle)}) tick.mutable_transforms()->add_positions(at * units_per_m_);
-    for (int i = 0; sends_velocities && i < 3; ++i) tick.mutable_transforms()->add_velocities(static_cast<float>(in(-1, 1)));
+    for (const double at : {3 * std::cos(angle), 0.9, 3 * std::sin(angle)})
+      tick.mutable_transforms()->add_positions(at * units_per_m_);
+    for (int i = 0; sends_velocities && i < 3; ++i)
+      tick.mutable_transforms()->add_velocities(static_cast<float>(in(-1, 1)));
   }
   if (random_.next_below(40) == 0) fill(*tick.mutable_delta()->add_added_instances());
   if (random_.next_below(40) == 0) fill(*tick.mutable_targets()->add_targets());
-  if (random_.next_below(40) == 0) fill(*tick.mutable_observed_camera()), tick.mutable_observed_camera()->set_cut(random_.next_below(2) == 0);
+  if (random_.next_below(40) == 0)
+    fill(*tick.mutable_observed_camera()), tick.mutable_observed_camera()->set_cut(random_.next_below(2) == 0);
   if (random_.next_below(40) == 0) tick.mutable_settings()->set_cut_after_s(0.5);
   if (random_.next_below(40) == 0) tick.mutable_step_control()->set_merge_into_next(true);
   if (random_.next_below(20) == 0) tick.mutable_step_control()->set_quality_level(random_.next_below(6));

@@ -20,7 +20,8 @@ class UsualMessages {
 
   // Up to four targets among boxes, in any convention, with any preset.
   v1::OpenSession open();
-  // The tick after the one with this sequence number and time. Targets walk; now and then targets, instances, the lens or the observed camera change.
+  // The tick after the one with this sequence number and time. Targets walk; now and then targets, instances, the lens
+  // or the observed camera change.
   v1::Tick tick(uint64_t sequence, double time_s);
   // Fills an empty message of a scene as above.
   void fill(google::protobuf::Message& message);

@@ -45,8 +45,9 @@ class AccessFile {
 };
 
 TEST(AccessList, ATokenIsFoundByItsSecretOrByItsDigest) {
-  const auto list = list_of("# who may speak\n token a control 0123456789abcdef  # the first\n\ntoken b observe sha256:" +
-                            std::string(kDigestOfAnother) + "\n");
+  const auto list = list_of(
+      "# who may speak\n token a control 0123456789abcdef  # the first\n\ntoken b observe sha256:" +
+      std::string(kDigestOfAnother) + "\n");
   ASSERT_TRUE(list.find_token(kSecret));
   EXPECT_EQ(list.find_token(kSecret)->name, "token a");
   EXPECT_EQ(list.find_token(kSecret)->role, Role::kControl);
@@ -87,12 +88,14 @@ TEST(AccessList, AWrongLineIsNamed) {
   EXPECT_THAT(trouble_of("user 1 control secret"), HasSubstr("nothing may follow"));
   EXPECT_THAT(trouble_of("user no-such-user-here control"), HasSubstr("no user"));
   EXPECT_THAT(trouble_of("user 1 control\nuser 1 observe"), StartsWith("line 2: the name is there twice"));
-  EXPECT_THAT(trouble_of("token a control 0123456789abcdef\ntoken a control 0123456789abcdeg"), HasSubstr("twice; it is already in line 1"));
+  EXPECT_THAT(trouble_of("token a control 0123456789abcdef\ntoken a control 0123456789abcdeg"),
+              HasSubstr("twice; it is already in line 1"));
 }
 
 TEST(AccessList, OneSecretHasOneName) {
   const std::string first = "# tokens\ntoken a control 0123456789abcdeX\ntoken b control 1123456789abcdef\n";
-  EXPECT_EQ(trouble_of(first + "token c admin 0123456789abcdeX\n"), "line 4: the secret is there twice; it is already in line 2, for \"a\"");
+  EXPECT_EQ(trouble_of(first + "token c admin 0123456789abcdeX\n"),
+            "line 4: the secret is there twice; it is already in line 2, for \"a\"");
   EXPECT_EQ(trouble_of(first + "token c admin sha256:" + kDigestOfAnother + "\n"),
             "line 4: the secret is there twice; it is already in line 2, for \"a\"");
 }
@@ -104,7 +107,8 @@ TEST(Access, WithoutAFileEveryoneControlsAndObserves) {
   EXPECT_EQ(caller->name, "127.0.0.1");
   EXPECT_TRUE(caller->may(Need::kObserve));
   EXPECT_FALSE(caller->sees_all());
-  EXPECT_EQ(access.identify({"127.0.0.1", std::nullopt, "game-1", true}, std::nullopt, Need::kControl)->name, "certificate game-1");
+  EXPECT_EQ(access.identify({"127.0.0.1", std::nullopt, "game-1", true}, std::nullopt, Need::kControl)->name,
+            "certificate game-1");
   EXPECT_TRUE(access.still_controls("127.0.0.1"));
 }
 
@@ -113,8 +117,11 @@ TEST(Access, ARoleAllowsItsCallsOnly) {
   file.write("token a control 0123456789abcdef\ntoken b observe 1123456789abcdef\ntoken c admin 2123456789abcdef\n");
   const auto access = Access::load(file.path());
   ASSERT_TRUE(access);
-  const auto may = [&](const char* token, Need need) { return (*access)->identify(kEncrypted, token, need).has_value(); };
-  for (const char* token : {"0123456789abcdef", "1123456789abcdef", "2123456789abcdef"}) EXPECT_TRUE(may(token, Need::kAnyRole));
+  const auto may = [&](const char* token, Need need) {
+    return (*access)->identify(kEncrypted, token, need).has_value();
+  };
+  for (const char* token : {"0123456789abcdef", "1123456789abcdef", "2123456789abcdef"})
+    EXPECT_TRUE(may(token, Need::kAnyRole));
   EXPECT_TRUE(may("0123456789abcdef", Need::kControl));
   EXPECT_FALSE(may("0123456789abcdef", Need::kObserve));
   EXPECT_FALSE(may("1123456789abcdef", Need::kControl));
@@ -133,7 +140,8 @@ TEST(Access, ATokenIsJudgedAloneAndNeverOverAnOpenConnection) {
   file.write("token a control 0123456789abcdef\ncertificate game-1 control\nuser 1000 control\n");
   const auto access = Access::load(file.path());
   ASSERT_TRUE(access);
-  const Peer open{"127.0.0.1", std::nullopt, {}, false}, game{"10.0.0.1", std::nullopt, "game-1", true}, user{"uid 1000", 1000, {}, true};
+  const Peer open{"127.0.0.1", std::nullopt, {}, false}, game{"10.0.0.1", std::nullopt, "game-1", true},
+      user{"uid 1000", 1000, {}, true};
   EXPECT_FALSE((*access)->identify(open, kSecret, Need::kControl));
   EXPECT_FALSE((*access)->identify(open, std::nullopt, Need::kControl));
   EXPECT_FALSE((*access)->identify(game, "a wrong one", Need::kControl)) << "although its certificate would do";
@@ -216,7 +224,8 @@ TEST(Access, AFileThatSomebodyHoldsOpenForWritingWaits) {
   ASSERT_TRUE(access);
   std::ofstream writer(file.path());
   writer << "token a control 0123456789abcdef\n" << std::flush;
-  if (!look_at_small_file(file.path(), "").value().being_written) GTEST_SKIP() << "this file system does not tell who writes";
+  if (!look_at_small_file(file.path(), "").value().being_written)
+    GTEST_SKIP() << "this file system does not tell who writes";
   SettledFiles::Time now{};
   EXPECT_FALSE((*access)->reload(now).value());
   EXPECT_FALSE((*access)->reload(now + std::chrono::seconds(20)).value());
@@ -248,7 +257,8 @@ TEST(Access, OthersMayNotReadItsSecretsNorWriteIt) {
     fs::permissions(file.path(), fs::perms(mode));
     return Access::load(file.path()).value()->exposed();
   };
-  const std::string secret = "token a control 0123456789abcdef\n", digest = "token a control sha256:" + std::string(kDigestOfAnother) + "\n";
+  const std::string secret = "token a control 0123456789abcdef\n",
+                    digest = "token a control sha256:" + std::string(kDigestOfAnother) + "\n";
   EXPECT_EQ(exposed(secret, 0600), "");
   EXPECT_EQ(exposed(secret, 0640), "");
   EXPECT_THAT(exposed(secret, 0644), HasSubstr("others can read it (mode 0644)"));

@@ -22,7 +22,8 @@ class Authority {
   }
 
   std::string certificate() const { return text_of(certificate_.get()); }
-  // A certificate with this common name, which is valid for so long from now on. `alternative` is as in "URI:a,DNS:b"; empty: none.
+  // A certificate with this common name, which is valid for so long from now on. `alternative` is as in "URI:a,DNS:b";
+  // empty: none.
   SignedPair sign(const std::string& name, const std::string& alternative = {}, long valid_s = 3600) const {
     const Key key(EVP_EC_gen("P-256"), &EVP_PKEY_free);
     const Certificate certificate = make(key.get(), name, valid_s);
@@ -51,7 +52,8 @@ class Authority {
     return made;
   }
   static void set_name(X509_NAME* where, const std::string& name) {
-    X509_NAME_add_entry_by_txt(where, "CN", MBSTRING_ASC, reinterpret_cast<const unsigned char*>(name.c_str()), -1, -1, 0);
+    X509_NAME_add_entry_by_txt(where, "CN", MBSTRING_ASC, reinterpret_cast<const unsigned char*>(name.c_str()), -1, -1,
+                               0);
   }
   static void extend(X509* certificate, int kind, const std::string& value) {
     X509_EXTENSION* const extension = X509V3_EXT_conf_nid(nullptr, nullptr, kind, value.c_str());

@@ -96,7 +96,8 @@ TEST(FrameWatch, EveryFrameThatCarriesNothingCutsTheConnectionInTime) {
         FrameWatch watch = greeted({.overhead_burst = 12, .overhead_per_s = 1, .max_header_block_bytes = 1 << 20});
         ASSERT_FALSE(read(watch, call(0) + call(50)));  // 1 and 101
         bool cut = false;
-        for (int i = 0; i < 14 && !cut; ++i) cut = read(watch, frame(static_cast<uint8_t>(type), static_cast<uint8_t>(flags), stream, 1)).has_value();
+        for (int i = 0; i < 14 && !cut; ++i)
+          cut = read(watch, frame(static_cast<uint8_t>(type), static_cast<uint8_t>(flags), stream, 1)).has_value();
         EXPECT_TRUE(cut && watch.flooded()) << type << ' ' << flags << ' ' << stream;
       }
 }
@@ -112,7 +113,8 @@ TEST(FrameWatch, BytesThatBelongToNoMessageCountToo) {
 TEST(FrameWatch, MessagesAndTheEndOfACallAreFree) {
   FrameWatch watch = greeted({.overhead_burst = 6, .overhead_per_s = 0});
   for (uint32_t n = 0; n < 100; ++n)
-    ASSERT_FALSE(read(watch, call(n) + frame(0, 0, 2 * n + 1, message(20)) + frame(8, 0, 0, 4) + frame(0, 1, 2 * n + 1, 0)));
+    ASSERT_FALSE(
+        read(watch, call(n) + frame(0, 0, 2 * n + 1, message(20)) + frame(8, 0, 0, 4) + frame(0, 1, 2 * n + 1, 0)));
 }
 
 TEST(FrameWatch, AMessageOfManyFramesIsFreeWhenTheyAreNotTiny) {
@@ -219,7 +221,8 @@ TEST(FrameWatch, AMessageIsHeldUntilTheServerLetsTheClientSendOn) {
 TEST(FrameWatch, NothingIsHeldForACallThatHasEnded) {
   for (const bool by_client : {true, false}) {
     FrameWatch watch = greeted();
-    ASSERT_FALSE(read(watch, call(0) + call(1) + frame(0, 0, 1, message(1000, 100)) + frame(0, 0, 3, message(1000, 50))));
+    ASSERT_FALSE(
+        read(watch, call(0) + call(1) + frame(0, 0, 1, message(1000, 100)) + frame(0, 0, 3, message(1000, 50))));
     const size_t held = watch.held_bytes();
     if (by_client)
       ASSERT_FALSE(read(watch, frame(3, 0, 1, 4)));

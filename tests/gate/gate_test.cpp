@@ -106,7 +106,8 @@ size_t calls_passed(const Pair& pair) {
   std::this_thread::sleep_for(std::chrono::milliseconds(100));
   std::string bytes(1 << 16, '\0');
   size_t all = 0;
-  for (ssize_t size = 0; (size = ::recv(pair.grpc.get(), bytes.data(), bytes.size(), MSG_DONTWAIT)) > 0;) all += static_cast<size_t>(size);
+  for (ssize_t size = 0; (size = ::recv(pair.grpc.get(), bytes.data(), bytes.size(), MSG_DONTWAIT)) > 0;)
+    all += static_cast<size_t>(size);
   return all / test::call(0).size();
 }
 
@@ -140,7 +141,8 @@ TEST(Gate, TheClientWithFewerCallsGoesOnFirst) {
   test::send_all(greedy.client.get(), calls(0, 400));
   EXPECT_LT(calls_passed(greedy), 60u);
   // It waits for a moment after each call, not until the other one has no more.
-  for (uint32_t n = 0; n < 5; ++n) EXPECT_TRUE(modest.pass(test::call(n) + test::frame(0, 0, 2 * n + 1, test::message(8)))) << n;
+  for (uint32_t n = 0; n < 5; ++n)
+    EXPECT_TRUE(modest.pass(test::call(n) + test::frame(0, 0, 2 * n + 1, test::message(8)))) << n;
   EXPECT_LT(calls_passed(greedy), 200u);
 }
 
@@ -199,7 +201,8 @@ TEST(Gate, AConnectionOnWhichNoCallWasAcceptedMakesWayTheOldestFirst) {
     const Pair third(world);
     EXPECT_TRUE(ends(first.client.get()));
     EXPECT_EQ(world.reason(), "it was idle, and another client needed its place");
-    for (const Pair* const other : {&busy, &second, &third}) EXPECT_TRUE(other->pass(other == &busy ? test::call(1) : test::greeting()));
+    for (const Pair* const other : {&busy, &second, &third})
+      EXPECT_TRUE(other->pass(other == &busy ? test::call(1) : test::greeting()));
     for (const Pair* const other : {&second, &third}) {
       ASSERT_TRUE(other->pass(test::call(0)));
       other->accept(world);

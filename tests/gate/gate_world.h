@@ -59,7 +59,8 @@ inline bool ends(int fd) {
 
 // Waits until it is true.
 inline bool becomes(const std::function<bool()>& condition) {
-  for (const auto end = std::chrono::steady_clock::now() + kTimeout; !condition(); std::this_thread::sleep_for(std::chrono::milliseconds(1)))
+  for (const auto end = std::chrono::steady_clock::now() + kTimeout; !condition();
+       std::this_thread::sleep_for(std::chrono::milliseconds(1)))
     if (std::chrono::steady_clock::now() > end) return false;
   return true;
 }
@@ -102,7 +103,8 @@ class GateWorld {
   // gRPC's end of the connection that was admitted next.
   FileDescriptor admitted() {
     std::unique_lock lock(mutex_);
-    EXPECT_TRUE(changed_.wait_for(lock, kTimeout, [this] { return !for_grpc_.empty(); })) << "no connection was admitted";
+    EXPECT_TRUE(changed_.wait_for(lock, kTimeout, [this] { return !for_grpc_.empty(); }))
+        << "no connection was admitted";
     if (for_grpc_.empty()) return {};
     FileDescriptor fd = std::move(for_grpc_.front());
     for_grpc_.pop_front();
@@ -111,7 +113,8 @@ class GateWorld {
   // The next reason for which a connection was refused or cut.
   std::string reason() {
     std::unique_lock lock(mutex_);
-    if (!changed_.wait_for(lock, kTimeout, [this] { return !reasons_.empty(); })) return "no connection was refused or cut";
+    if (!changed_.wait_for(lock, kTimeout, [this] { return !reasons_.empty(); }))
+      return "no connection was refused or cut";
     std::string first = std::move(reasons_.front());
     reasons_.pop_front();
     return first;
@@ -135,7 +138,8 @@ class GateWorld {
 
 // A client and gRPC's end of its connection.
 struct Pair {
-  explicit Pair(GateWorld& world, const char* from = "127.0.0.1") : client(world.connect(from)), grpc(world.admitted()) {}
+  explicit Pair(GateWorld& world, const char* from = "127.0.0.1")
+      : client(world.connect(from)), grpc(world.admitted()) {}
   // True when these bytes come through to gRPC.
   bool pass(const std::string& bytes) const {
     send_all(client.get(), bytes);

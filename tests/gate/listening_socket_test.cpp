@@ -51,7 +51,9 @@ TEST(ListeningSocket, TheFileOfAnotherOneStays) {
 TEST(ListeningSocket, APathIsNoLongerThanTheKernelsStructure) {
   const test::TemporaryFolder folder;
   const std::string start = folder / "";
-  const auto of_length = [&](size_t length) { return ListeningSocket::unix_file(start + std::string(length - start.size(), 'x'), 0600); };
+  const auto of_length = [&](size_t length) {
+    return ListeningSocket::unix_file(start + std::string(length - start.size(), 'x'), 0600);
+  };
   EXPECT_TRUE(of_length(107));
   for (const size_t length : {108, 109, 300}) {
     const auto socket = of_length(length);

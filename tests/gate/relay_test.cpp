@@ -47,7 +47,9 @@ size_t fill(int fd) {
 TEST(Relay, AClientThatTakesNothingHasALittleTimeOnceGrpcHasClosed) {
   Ends ends;
   std::atomic<bool> over{false};
-  Relay relay({}, [&](const std::shared_ptr<Connection>&, std::string_view) { over = true; }, [](const Connection&, ptrdiff_t) {});
+  Relay relay(
+      {}, [&](const std::shared_ptr<Connection>&, std::string_view) { over = true; },
+      [](const Connection&, ptrdiff_t) {});
   relay.add(ends.connection);
   const size_t sent = fill(ends.grpc.get());
   EXPECT_EQ(ends.connection->deadline_s.load(), 0.0);
@@ -58,7 +60,8 @@ TEST(Relay, AClientThatTakesNothingHasALittleTimeOnceGrpcHasClosed) {
   EXPECT_FALSE(over);
   // Meanwhile the thread waits. It used to go round and round.
   std::set<double> beats;
-  for (int i = 0; i < 40; ++i, std::this_thread::sleep_for(std::chrono::milliseconds(1))) beats.insert(relay.last_beat_s());
+  for (int i = 0; i < 40; ++i, std::this_thread::sleep_for(std::chrono::milliseconds(1)))
+    beats.insert(relay.last_beat_s());
   EXPECT_LT(beats.size(), 20u);
   // A client that reads at last gets everything.
   EXPECT_EQ(test::receive(ends.client.get(), sent).size(), sent);

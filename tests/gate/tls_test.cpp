@@ -38,7 +38,9 @@ class TlsFolder {
     write("key", pair.key);
   }
   std::string path(const char* name) const { return folder_ / name; }
-  TlsFiles files(bool asks_clients = false) const { return {path("certificate"), path("key"), asks_clients ? path("authority") : ""}; }
+  TlsFiles files(bool asks_clients = false) const {
+    return {path("certificate"), path("key"), asks_clients ? path("authority") : ""};
+  }
 
   const test::Authority authority;
 
@@ -49,13 +51,16 @@ class TlsFolder {
 // A client of OpenSSL's on a connected socket that waits.
 class TlsClient {
  public:
-  explicit TlsClient(int fd, const std::string& protocol = "h2", const SignedPair& own = {}, int newest = TLS1_3_VERSION)
+  explicit TlsClient(int fd, const std::string& protocol = "h2", const SignedPair& own = {},
+                     int newest = TLS1_3_VERSION)
       : context_(SSL_CTX_new(TLS_client_method()), &SSL_CTX_free) {
     SSL_CTX_set_max_proto_version(context_.get(), newest);
     if (!own.certificate.empty()) show(own);
     ssl_.reset(SSL_new(context_.get()));
     const std::string list = static_cast<char>(protocol.size()) + protocol;
-    if (!protocol.empty()) SSL_set_alpn_protos(ssl_.get(), reinterpret_cast<const unsigned char*>(list.data()), static_cast<unsigned>(list.size()));
+    if (!protocol.empty())
+      SSL_set_alpn_protos(ssl_.get(), reinterpret_cast<const unsigned char*>(list.data()),
+                          static_cast<unsigned>(list.size()));
     const timeval timeout{20, 0};
     ::setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &timeout, sizeof(timeout));
     SSL_set_fd(ssl_.get(), fd);
@@ -86,8 +91,10 @@ class TlsClient {
   void show(const SignedPair& own) {
     const std::unique_ptr<BIO, decltype(&BIO_free)> certificate(BIO_new_mem_buf(own.certificate.data(), -1), &BIO_free),
         key(BIO_new_mem_buf(own.key.data(), -1), &BIO_free);
-    const std::unique_ptr<X509, decltype(&X509_free)> first(PEM_read_bio_X509(certificate.get(), nullptr, nullptr, nullptr), &X509_free);
-    const std::unique_ptr<EVP_PKEY, decltype(&EVP_PKEY_free)> second(PEM_read_bio_PrivateKey(key.get(), nullptr, nullptr, nullptr), &EVP_PKEY_free);
+    const std::unique_ptr<X509, decltype(&X509_free)> first(
+        PEM_read_bio_X509(certificate.get(), nullptr, nullptr, nullptr), &X509_free);
+    const std::unique_ptr<EVP_PKEY, decltype(&EVP_PKEY_free)> second(
+        PEM_read_bio_PrivateKey(key.get(), nullptr, nullptr, nullptr), &EVP_PKEY_free);
     SSL_CTX_use_certificate(context_.get(), first.get());
     SSL_CTX_use_PrivateKey(context_.get(), second.get());
   }
@@ -151,7 +158,8 @@ TEST(TlsGate, ClientsAreKnownByTheirCertificates) {
   const auto keys = load(folder.files(true));
   EXPECT_TRUE(keys->asks_for_certificates());
   const std::pair<SignedPair, const char*> clients[] = {
-      {folder.authority.sign("common", "DNS:dns.example,URI:spiffe://example/game,URI:spiffe://example/other"), "spiffe://example/game"},
+      {folder.authority.sign("common", "DNS:dns.example,URI:spiffe://example/game,URI:spiffe://example/other"),
+       "spiffe://example/game"},
       {folder.authority.sign("common", "IP:127.0.0.1,DNS:dns.example,DNS:more.example"), "dns.example"},
       {folder.authority.sign("common"), "common"},
       {folder.authority.sign("not plain"), ""}};
@@ -214,7 +222,8 @@ TEST(TlsKeys, TheCertificatesUpToTheRootAreShownToo) {
   folder.write("certificate", folder.authority.sign("first").certificate);
   const SignedPair server = folder.authority.sign("server");
   folder.use(server);
-  folder.write("certificate", server.certificate + folder.authority.sign("between").certificate + folder.authority.certificate());
+  folder.write("certificate",
+               server.certificate + folder.authority.sign("between").certificate + folder.authority.certificate());
   const auto keys = load(folder.files());
   GateWorld world({}, keys.get());
   const FileDescriptor socket = world.connect();
@@ -236,7 +245,8 @@ TEST(TlsKeys, FilesThatCannotBeUsedAreNamed) {
   EXPECT_THAT(trouble_with({certificate, words, ""}), HasSubstr("--tls-key the file holds no unencrypted key"));
   EXPECT_THAT(trouble_with({certificate, key, words}), HasSubstr("--tls-client-ca the file holds no certificate"));
   EXPECT_THAT(trouble_with({certificate, key, folder.path("nothing")}), HasSubstr("--tls-client-ca the file is empty"));
-  for (const TlsFiles& files : {TlsFiles{"/nowhere", key, ""}, TlsFiles{certificate, "/nowhere", ""}, TlsFiles{certificate, key, "/nowhere"}})
+  for (const TlsFiles& files :
+       {TlsFiles{"/nowhere", key, ""}, TlsFiles{certificate, "/nowhere", ""}, TlsFiles{certificate, key, "/nowhere"}})
     EXPECT_THAT(trouble_with(files), HasSubstr("No such file"));
   folder.write("key", folder.authority.sign("other").key);
   EXPECT_THAT(trouble_with(folder.files()), HasSubstr("--tls-key the key does not belong to the certificate"));
@@ -302,7 +312,9 @@ TEST(Credentials, AreThoseOfTheirFilesAndCountTheChanges) {
   const auto credentials = Credentials::load({folder.path("access"), folder.files()});
   ASSERT_TRUE(credentials);
   const Peer peer{"10.0.0.1", std::nullopt, {}, true};
-  const auto known = [&](const char* token) { return (*credentials)->access().identify(peer, token, Need::kControl).has_value(); };
+  const auto known = [&](const char* token) {
+    return (*credentials)->access().identify(peer, token, Need::kControl).has_value();
+  };
   EXPECT_TRUE(known("0123456789abcdef"));
   EXPECT_FALSE(known("another----------"));
   EXPECT_NE((*credentials)->tls(), nullptr);

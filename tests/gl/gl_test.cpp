@@ -36,7 +36,8 @@ TEST(EglContextTest, HasOpenGl45AndSaysWhatItIs) {
   EXPECT_FALSE(context->was_reset());
 }
 
-// tests/run.sh installs Mesa and sets the variable. Without this test, a defect that finds no context would skip every test of OpenGL.
+// tests/run.sh installs Mesa and sets the variable. Without this test, a defect that finds no context would skip every
+// test of OpenGL.
 TEST(EglContextTest, IsThereWhereItIsRequired) {
   if (!std::getenv("SIGHTLINE_REQUIRE_EGL")) GTEST_SKIP() << "SIGHTLINE_REQUIRE_EGL is not set";
   EXPECT_NE(any_context(), nullptr);
@@ -63,7 +64,8 @@ TEST(EglContextTest, AnIndexWithoutADeviceIsUnavailable) {
   for (const int index : {-1, egl_device_count(), egl_device_count() + 1}) EXPECT_EQ(egl_drm_node(index), "") << index;
 }
 
-// A machine without a GPU has no device with a DRM node, so this stands in for a driver's. Epoxy calls EGL through variables.
+// A machine without a GPU has no device with a DRM node, so this stands in for a driver's. Epoxy calls EGL through
+// variables.
 class DrmNodeTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -88,7 +90,8 @@ class DrmNodeTest : public testing::Test {
 
 TEST_F(DrmNodeTest, IsTheRenderNodeOrElseTheCard) {
   render_node = "/dev/dri/renderD128";
-  for (const char* words : {"EGL_EXT_device_drm EGL_EXT_device_drm_render_node", "EGL_EXT_device_drm_render_node EGL_EXT_device_drm", "EGL_EXT_device_drm_render_node"}) {
+  for (const char* words : {"EGL_EXT_device_drm EGL_EXT_device_drm_render_node",
+                            "EGL_EXT_device_drm_render_node EGL_EXT_device_drm", "EGL_EXT_device_drm_render_node"}) {
     extensions = words;
     EXPECT_EQ(egl_drm_node(0), "/dev/dri/renderD128") << words;
   }
@@ -103,7 +106,8 @@ TEST_F(DrmNodeTest, IsTheRenderNodeOrElseTheCard) {
 
 TEST_F(DrmNodeTest, IsAskedForOnlyWithTheExtension) {
   render_node = "/dev/dri/renderD128";
-  for (const char* words : {static_cast<const char*>(nullptr), "", "EGL_EXT_device_drm_render_nodes", "EGL_NV_device_cuda XEGL_EXT_device_drm"}) {
+  for (const char* words : {static_cast<const char*>(nullptr), "", "EGL_EXT_device_drm_render_nodes",
+                            "EGL_NV_device_cuda XEGL_EXT_device_drm"}) {
     extensions = words;
     EXPECT_EQ(egl_drm_node(0), "") << (words ? words : "none");
   }

@@ -1,4 +1,5 @@
-// The small HTTP server for Prometheus and probes, by sockets that send what they like. Nobody's connection keeps a probe from its answer.
+// The small HTTP server for Prometheus and probes, by sockets that send what they like. Nobody's connection keeps a
+// probe from its answer.
 #include "server/metrics/http_port.h"
 
 #include <arpa/inet.h>
@@ -25,7 +26,8 @@ constexpr size_t kLongBody = size_t{16} << 20;  // more than the buffers of both
 // A client of one connection. Its reads give up after a while, so that a test fails instead of hanging.
 class Client {
  public:
-  explicit Client(int port, const char* from = "127.0.0.1", int receive_bytes = 0) : fd_(::socket(AF_INET, SOCK_STREAM, 0)) {
+  explicit Client(int port, const char* from = "127.0.0.1", int receive_bytes = 0)
+      : fd_(::socket(AF_INET, SOCK_STREAM, 0)) {
     const timeval patience{20, 0};
     ::setsockopt(fd_.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof(patience));
     if (receive_bytes > 0) ::setsockopt(fd_.get(), SOL_SOCKET, SO_RCVBUF, &receive_bytes, sizeof(receive_bytes));
@@ -87,12 +89,13 @@ class HttpPortTest : public testing::Test {
                           {"/ill", {[] { return HttpAnswer{.status = 503, .body = "ill\n"}; }}},
                           {"/throws", {[]() -> HttpAnswer { throw std::runtime_error("no"); }}},
                           {"/long", {[] { return HttpAnswer{.body = std::string(kLongBody, 'x')}; }}},
-                          {"/held", {[this, go = go_.get_future().share()] {
-                                       if (++makings_ == 1) begun_.set_value();
-                                       go.wait();
-                                       return HttpAnswer{.body = "held\n"};
-                                     },
-                                     true}}};
+                          {"/held",
+                           {[this, go = go_.get_future().share()] {
+                              if (++makings_ == 1) begun_.set_value();
+                              go.wait();
+                              return HttpAnswer{.body = "held\n"};
+                            },
+                            true}}};
     auto started = HttpPort::start("127.0.0.1:0", "--flag", std::move(pages));
     EXPECT_TRUE(started) << to_string(started.error());
     server_ = std::move(*started);
@@ -109,7 +112,8 @@ class HttpPortTest : public testing::Test {
 TEST_F(HttpPortTest, AnswersWithThePage) {
   const std::string answer = client().ask(get("/alive"));
   EXPECT_EQ(answer,
-            "HTTP/1.1 200 OK\r\nContent-Type: text/plain; charset=utf-8\r\nContent-Length: 3\r\nCache-Control: no-store\r\nConnection: close\r\n\r\nok\n");
+            "HTTP/1.1 200 OK\r\nContent-Type: text/plain; charset=utf-8\r\nContent-Length: 3\r\nCache-Control: "
+            "no-store\r\nConnection: close\r\n\r\nok\n");
   EXPECT_EQ(status_of(client().ask(get("/ill"))), 503);
   EXPECT_EQ(status_of(client().ask(get("/throws"))), 500);
 }
@@ -222,7 +226,8 @@ TEST_F(HttpPortTest, SaysWhichAddressCannotBeUsed) {
 }
 
 TEST(RequestHead, DoesNotDependOnHowTheBytesAreCut) {
-  for (const std::string_view whole : {"GET /a?b=/c HTTP/1.1\r\nA: b\r\n\r\nrest", "GET http://host:1/a HTTP/1.0\nA: b\n\nrest", "GET /a HTTP/1.1\r\n\r\n"}) {
+  for (const std::string_view whole : {"GET /a?b=/c HTTP/1.1\r\nA: b\r\n\r\nrest",
+                                       "GET http://host:1/a HTTP/1.0\nA: b\n\nrest", "GET /a HTTP/1.1\r\n\r\n"}) {
     for (size_t first = 1; first < whole.size(); ++first) {
       HttpRequest request;
       HeadState state = read_request_head(whole.substr(0, first), 0, request);
@@ -231,14 +236,16 @@ TEST(RequestHead, DoesNotDependOnHowTheBytesAreCut) {
       EXPECT_EQ(state, HeadState::kComplete) << whole << " cut at " << first;
       EXPECT_EQ(request.method, "GET");
       EXPECT_EQ(request.path, "/a");
-      EXPECT_EQ(was_complete, whole.size() - first <= (whole.ends_with("rest") ? 4u : 0u)) << whole << " cut at " << first;
+      EXPECT_EQ(was_complete, whole.size() - first <= (whole.ends_with("rest") ? 4u : 0u))
+          << whole << " cut at " << first;
     }
   }
 }
 
 TEST(RequestHead, TellsWrongOnes) {
   HttpRequest request;
-  for (const std::string_view wrong : {"\r\n\r\n", "GET\r\n\r\n", "GET /\r\n\r\n", " / HTTP/1.1\r\n\r\n", "GET / HTTP/2.0\r\n\r\n", "GET / FTP/1.1\r\n\r\n"})
+  for (const std::string_view wrong : {"\r\n\r\n", "GET\r\n\r\n", "GET /\r\n\r\n", " / HTTP/1.1\r\n\r\n",
+                                       "GET / HTTP/2.0\r\n\r\n", "GET / FTP/1.1\r\n\r\n"})
     EXPECT_EQ(read_request_head(wrong, 0, request), HeadState::kWrong) << wrong;
 }
 

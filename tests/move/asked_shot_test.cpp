@@ -53,17 +53,21 @@ TEST(AskedShot, ABlendGoesTheShorterWayRoundAndBeginsAndEndsGently) {
 }
 
 // The size of upright capsules in a picture, from a ring of points on each.
-double size_in_picture(std::span<const TrackedTarget> bodies, const glm::dvec3& eye_m, double side_rad, double height_rad, const Lens& lens) {
+double size_in_picture(std::span<const TrackedTarget> bodies, const glm::dvec3& eye_m, double side_rad,
+                       double height_rad, const Lens& lens) {
   // To the right of somebody who faces along -Z is +X, and the camera looks back.
-  const glm::dquat rotation = glm::angleAxis(kPi - side_rad, glm::dvec3(0, 1, 0)) * glm::angleAxis(-height_rad, glm::dvec3(1, 0, 0));
+  const glm::dquat rotation = glm::angleAxis(kPi - side_rad, glm::dvec3(0, 1, 0)) *
+                              glm::angleAxis(-height_rad, glm::dvec3(1, 0, 0));
   const Pose camera{eye_m, rotation};
   const double top = std::tan(lens.vertical_fov_rad / 2);
   double left = 1e9, right = -1e9, low = 1e9, high = -1e9;
   for (const TrackedTarget& body : bodies)
     for (double y : {-body.low_m, body.high_m})
       for (double turn = 0; turn < 2 * kPi; turn += 0.1) {
-        const glm::dvec3 p = inverse_transform_point(camera, body.aim_m + glm::dvec3(body.aside_m * std::cos(turn), y, body.aside_m * std::sin(turn)));
-        left = std::min(left, p.x / -p.z), right = std::max(right, p.x / -p.z), low = std::min(low, p.y / -p.z), high = std::max(high, p.y / -p.z);
+        const glm::dvec3 p = inverse_transform_point(
+            camera, body.aim_m + glm::dvec3(body.aside_m * std::cos(turn), y, body.aside_m * std::sin(turn)));
+        left = std::min(left, p.x / -p.z), right = std::max(right, p.x / -p.z), low = std::min(low, p.y / -p.z),
+        high = std::max(high, p.y / -p.z);
       }
   return std::max((high - low) / (2 * top), (right - left) / (2 * top * lens.aspect));
 }
@@ -82,7 +86,8 @@ TEST(AskedShot, FromTheDistanceForASizeTheBodiesHaveItInThePicture) {
           const double distance_m = distance_for_size_m(size, bodies, {0, 1, 0}, {side, height, 1}, 0, lens);
           const double is = size_in_picture(bodies, glm::dvec3(0, 1, 0) + distance_m * direction, side, height, lens);
           // The rims of the nearer body are nearer than its middle.
-          EXPECT_NEAR(is / size, 1, 0.02 + 0.3 / (distance_m - spread_m / 2 - 0.9)) << spread_m << " m, size " << size << ", height " << height << ", side " << side;
+          EXPECT_NEAR(is / size, 1, 0.02 + 0.3 / (distance_m - spread_m / 2 - 0.9))
+              << spread_m << " m, size " << size << ", height " << height << ", side " << side;
         }
 }
 

@@ -21,8 +21,9 @@ class AccelerationTest : public testing::Test {
  protected:
   static constexpr int kSide = 21;
 
-  void plan(const std::function<float(const glm::dvec3& position_m, size_t slice)>& cost,
-            const std::function<bool(const glm::dvec3& position_m)>& is_open = [](const glm::dvec3&) { return true; }) {
+  void plan(
+      const std::function<float(const glm::dvec3& position_m, size_t slice)>& cost,
+      const std::function<bool(const glm::dvec3& position_m)>& is_open = [](const glm::dvec3&) { return true; }) {
     std::vector<PlaceRun> runs;
     for (int z = 0; z < kSide; ++z)
       for (int y = 0; y < kSide; ++y) runs.push_back({{0, y, z}, static_cast<uint32_t>((z * kSide + y) * kSide)});
@@ -32,7 +33,8 @@ class AccelerationTest : public testing::Test {
     for (const glm::dvec3& position_m : position_m_) clearance_m.push_back(is_open(position_m) ? 10.0f : 0.0f);
     planner_.lay(places_, position_m_, clearance_m, kBodyM, kSlices);
     for (size_t slice = 0; slice < kSlices; ++slice) {
-      for (size_t i = 0; i < position_m_.size(); ++i) planner_.costs(slice)[planner_.cell_of(i)] = cost(position_m_[i], slice);
+      for (size_t i = 0; i < position_m_.size(); ++i)
+        planner_.costs(slice)[planner_.cell_of(i)] = cost(position_m_[i], slice);
       planner_.blur(slice, 0.0);
     }
     planner_.plan({.position_m = kMiddleM}, settings_);
@@ -42,13 +44,16 @@ class AccelerationTest : public testing::Test {
     const auto position_at = [&](double t) { return input_.position_m + input_.velocity_mps * t + a * (t * t / 2); };
     double sum = 0, way_m = 0, end_s = 0;
     size_t slice = 0;
-    for (double at_s = input_.first_slice_s; at_s <= 0.35; ++slice, at_s = input_.first_slice_s + 0.1 * static_cast<double>(slice)) {
+    for (double at_s = input_.first_slice_s; at_s <= 0.35;
+         ++slice, at_s = input_.first_slice_s + 0.1 * static_cast<double>(slice)) {
       sum += planner_.cost_at(position_at(at_s), slice, 1e9);
       way_m += glm::distance(position_at(end_s), position_at(at_s)), end_s = at_s;
     }
-    const glm::dvec3 velocity_mps = input_.velocity_mps + a * end_s, relative_mps = velocity_mps - input_.group_velocity_mps;
+    const glm::dvec3 velocity_mps = input_.velocity_mps + a * end_s,
+                     relative_mps = velocity_mps - input_.group_velocity_mps;
     sum += planner_.cost_from(position_at(end_s) + velocity_mps * 0.1, slice, 1e9);
-    return sum / kSlices + settings_.route * way_m + input_.effort_m * glm::dot(a, a) / 100 + 0.02 * glm::dot(relative_mps, relative_mps);
+    return sum / kSlices + settings_.route * way_m + input_.effort_m * glm::dot(a, a) / 100 +
+           0.02 * glm::dot(relative_mps, relative_mps);
   }
   glm::dvec3 best() const {
     const auto found = best_acceleration_mps2(planner_, settings_, input_);
@@ -80,7 +85,9 @@ TEST_F(AccelerationTest, LeadsToTheCheapPlaceAndBrakesBeforeIt) {
 
 TEST_F(AccelerationTest, LeavesInTimeForAPlaceThatWillBeGood) {
   // All places to the right of the middle become bad at 0.6 s. Nothing is wrong before.
-  plan([](const glm::dvec3& position_m, size_t slice) { return slice >= 5 && position_m.x > kMiddleM.x - 0.75 ? 100.0f : 0.0f; });
+  plan([](const glm::dvec3& position_m, size_t slice) {
+    return slice >= 5 && position_m.x > kMiddleM.x - 0.75 ? 100.0f : 0.0f;
+  });
   EXPECT_LT(best().x, -1.0);
 }
 
@@ -93,7 +100,9 @@ TEST_F(AccelerationTest, OfPlacesThatAreAlikeIsNone) {
 }
 
 TEST_F(AccelerationTest, IsSmallerTheMoreItsEffortCosts) {
-  plan([](const glm::dvec3& position_m, size_t) { return 2 * distance_from(position_m, kMiddleM + glm::dvec3(2, 0, 0)); });
+  plan([](const glm::dvec3& position_m, size_t) {
+    return 2 * distance_from(position_m, kMiddleM + glm::dvec3(2, 0, 0));
+  });
   double former = INFINITY;
   for (const double effort_m : {0.0, 0.5, 2.0, 10.0}) {
     input_.effort_m = effort_m;
@@ -107,7 +116,8 @@ TEST_F(AccelerationTest, IsSmallerTheMoreItsEffortCosts) {
 TEST_F(AccelerationTest, KeepsToOpenCells) {
   // A wall at 0.75 m to the right, and the cheap place is behind it.
   const double wall_m = kMiddleM.x + 0.75;
-  plan([](const glm::dvec3& position_m, size_t) { return 20 * distance_from(position_m, kMiddleM + glm::dvec3(4, 0, 0)); },
+  plan([](const glm::dvec3& position_m,
+          size_t) { return 20 * distance_from(position_m, kMiddleM + glm::dvec3(4, 0, 0)); },
        [&](const glm::dvec3& position_m) { return position_m.x < wall_m; });
   input_.velocity_mps = {3, 0, 0};
   EXPECT_LT(best().x, 0.0);
@@ -119,7 +129,9 @@ TEST_F(AccelerationTest, KeepsToOpenCells) {
 
 // Costs are interpolated between cells, so those of a cell behind a thin wall also count before the wall.
 TEST_F(AccelerationTest, DoesNotPressAgainstAWallBetweenTwoOpenCells) {
-  plan([](const glm::dvec3& position_m, size_t) { return 20 * distance_from(position_m, kMiddleM + glm::dvec3(4, 0, 0)); });
+  plan([](const glm::dvec3& position_m, size_t) {
+    return 20 * distance_from(position_m, kMiddleM + glm::dvec3(4, 0, 0));
+  });
   EXPECT_GT(best().x, 9.0);
   input_.is_free = [](const glm::dvec3& to_m) { return to_m.x <= kMiddleM.x + 1e-9; };
   EXPECT_LE(best().x, 0.0);
@@ -134,7 +146,9 @@ TEST_F(AccelerationTest, DoesNotPressAgainstAWallBetweenTwoOpenCells) {
 TEST_F(AccelerationTest, IsTheMeanThatAPlainSearchFinds) {
   for (uint64_t seed = 1; seed <= 20; ++seed) {
     CounterRandom random(seed, 0, RandomPurpose::kTest);
-    const auto vector = [&](double most) { return glm::dvec3(random.next_in(-most, most), random.next_in(-most, most), random.next_in(-most, most)); };
+    const auto vector = [&](double most) {
+      return glm::dvec3(random.next_in(-most, most), random.next_in(-most, most), random.next_in(-most, most));
+    };
     const glm::dvec3 good_m = kMiddleM + vector(2), bad_m = kMiddleM + vector(2);
     const double moves_m = random.next_in(-0.2, 0.2);
     settings_.route = random.next_in(0, 0.5);
@@ -199,7 +213,9 @@ TEST_F(AccelerationTest, TakesThePlansSideOfTwoThatAreEquallyGood) {
 
 TEST_F(AccelerationTest, CountsNoSpeedBeyondTheLimit) {
   // Only a camera that flies faster than it may would be at the cheap place in time.
-  plan([](const glm::dvec3& position_m, size_t slice) { return slice < 3 && position_m.x > kMiddleM.x + 1.75 ? -50.0f : 0.0f; });
+  plan([](const glm::dvec3& position_m, size_t slice) {
+    return slice < 3 && position_m.x > kMiddleM.x + 1.75 ? -50.0f : 0.0f;
+  });
   input_.velocity_mps = {5, 0, 0}, input_.effort_m = 1.0;
   EXPECT_GT(best().x, 3.0);
   input_.max_speed_mps = 5.0;

@@ -23,8 +23,7 @@ class Body : public testing::Test {
     const glm::dvec3 limited = clamp_velocity(camera_.velocity_mps, wanted, limits_, dt);
     const SafeMove move = make_safe(camera_, limited, limits_, {}, field_, dt);
     EXPECT_LE(glm::length(move.velocity_mps), limits_.max_speed_mps * (1 + 1e-9));
-    EXPECT_LE(glm::length(move.velocity_mps - camera_.velocity_mps),
-              limits_.max_acceleration_mps2 * dt * (1 + 1e-9));
+    EXPECT_LE(glm::length(move.velocity_mps - camera_.velocity_mps), limits_.max_acceleration_mps2 * dt * (1 + 1e-9));
     camera_ = moved(camera_, move.velocity_mps, dt);
   }
 
@@ -68,8 +67,8 @@ TEST_F(Body, NeverTouchesGeometryWhateverIsWanted) {
   for (int i = 0; i < 40; ++i) {
     const glm::dvec3 at(random.next_in(-6, 6), random.next_in(-6, 6), random.next_in(-6, 6));
     if (glm::length(at) < 2.0) continue;
-    const glm::dquat turn = glm::normalize(glm::dquat(random.next_in(-1, 1), random.next_in(-1, 1),
-                                                      random.next_in(-1, 1), random.next_in(-1, 1)));
+    const glm::dquat turn = glm::normalize(
+        glm::dquat(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1)));
     add_box(at, {random.next_in(0.1, 1), random.next_in(0.1, 1), random.next_in(0.1, 1)}, turn);
   }
   EmbreeDevice device;
@@ -102,7 +101,8 @@ TEST_F(Body, IsWedgedNowhere) {
     const float half = 0.2f;
     // Each box turns an edge towards the other: the gap is narrow along one line only, as between round trunks.
     const glm::dquat turned = glm::angleAxis(std::acos(-1.0) / 4, glm::dvec3(0, 1, 0));
-    for (const double side : {-1.0, 1.0}) add_box({side * (apart / 2 + half * std::sqrt(2.0)), 0, 0}, {half, 9, half}, turned);
+    for (const double side : {-1.0, 1.0})
+      add_box({side * (apart / 2 + half * std::sqrt(2.0)), 0, 0}, {half, 9, half}, turned);
     CounterRandom random(72, 0, RandomPurpose::kTest);
     camera_ = {};
     camera_.pose.position_m = {0, 0, 1.5};
@@ -131,7 +131,8 @@ TEST_F(Body, ACameraThatAWallWasPutIntoBacksOut) {
   EXPECT_FALSE(make_safe(camera_, {0, 0, 0}, limits_, {}, field_, 1.0 / 60).overlap);
 }
 
-// 1 mm from touching, where the skin is 10 mm: it goes away as fast as it can still stop at the skin's edge, whatever is wanted.
+// 1 mm from touching, where the skin is 10 mm: it goes away as fast as it can still stop at the skin's edge, whatever
+// is wanted.
 TEST_F(Body, ABodyThatIsCloserThanItsSkinMovesAwayFirst) {
   add_box({0, 0, -5}, {10, 10, 5.0 - limits_.body_radius_m - 0.001});
   gather();
@@ -143,18 +144,21 @@ TEST_F(Body, ABodyThatIsCloserThanItsSkinMovesAwayFirst) {
   EXPECT_GE(camera_.pose.position_m.z, 0.001) << "and does not come back";
 }
 
-// A box passes the camera at 10 m/s and would be 0.1 m beside its middle 0.24 s from now. The distance to a box is computed plainly.
+// A box passes the camera at 10 m/s and would be 0.1 m beside its middle 0.24 s from now. The distance to a box is
+// computed plainly.
 TEST_F(Body, EvadesWhatComesTowardsIt) {
   const glm::dvec3 half(0.2), start(0.3, 0, -2.4), speed(0, 0, 10);
   add_box(start, half);
   ASSERT_TRUE(mirror_.apply({}, {{1}, {Pose{start, {1, 0, 0, 0}}}, {speed}, {}, {}}));
   limits_.max_acceleration_mps2 = limits_.max_speed_mps = 1000;
   MoversAhead movers;
-  for (size_t look = 0; look < movers.size(); ++look) movers[look].gather_movers(mirror_, {0, 0, 0}, 5, {}, kEvadeS[look]);
+  for (size_t look = 0; look < movers.size(); ++look)
+    movers[look].gather_movers(mirror_, {0, 0, 0}, 5, {}, kEvadeS[look]);
   const auto least_distance_m = [&](const glm::dvec3& velocity) {
     double least = INFINITY;
     for (const double t : kEvadeS)
-      least = std::min(least, glm::length(glm::max(glm::abs(velocity * t - start - speed * t) - half, glm::dvec3(0.0))));
+      least = std::min(least,
+                       glm::length(glm::max(glm::abs(velocity * t - start - speed * t) - half, glm::dvec3(0.0))));
     return least;
   };
   ASSERT_LT(least_distance_m({0, 0, 0}), limits_.body_radius_m);
@@ -163,10 +167,12 @@ TEST_F(Body, EvadesWhatComesTowardsIt) {
   EXPECT_LT(velocity.x, 0) << "away from it";
   EXPECT_LT(glm::length(velocity), 3) << "and no faster than is needed";
   const glm::dvec3 aside(-4, 0, 0);
-  EXPECT_EQ(evade(camera_, aside, limits_, {}, movers, field_, 1.0 / 60), aside) << "what keeps clear already is not changed";
+  EXPECT_EQ(evade(camera_, aside, limits_, {}, movers, field_, 1.0 / 60), aside)
+      << "what keeps clear already is not changed";
 }
 
-// The camera crosses a doorway 1.2 m wide while its door shuts. Away from the door is the other jamb, so it has to leave through either side.
+// The camera crosses a doorway 1.2 m wide while its door shuts. Away from the door is the other jamb, so it has to
+// leave through either side.
 class Doorway : public Body, public testing::WithParamInterface<double> {};
 
 TEST_P(Doorway, IsLeftWhenItsDoorShuts) {
@@ -183,9 +189,11 @@ TEST_P(Doorway, IsLeftWhenItsDoorShuts) {
     ASSERT_TRUE(mirror_.apply({}, {{leaf}, {Pose{{edge_m + half_m, 0, 0}, {1, 0, 0, 0}}}, {velocity_mps}, {}, {}}));
     gather();
     MoversAhead movers;
-    for (size_t look = 0; look < movers.size(); ++look) movers[look].gather_movers(mirror_, camera_.pose.position_m, 8, {}, kEvadeS[look]);
+    for (size_t look = 0; look < movers.size(); ++look)
+      movers[look].gather_movers(mirror_, camera_.pose.position_m, 8, {}, kEvadeS[look]);
     const glm::dvec3 wanted = clamp_velocity(camera_.velocity_mps, {0, 0, GetParam()}, limits_, dt);
-    const SafeMove move = make_safe(camera_, evade(camera_, wanted, limits_, {}, movers, field_, dt), limits_, {}, field_, dt);
+    const SafeMove move = make_safe(camera_, evade(camera_, wanted, limits_, {}, movers, field_, dt), limits_, {},
+                                    field_, dt);
     ASSERT_FALSE(move.overlap) << "after " << i * dt << " s";
     camera_ = moved(camera_, move.velocity_mps, dt);
   }

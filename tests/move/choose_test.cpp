@@ -34,18 +34,22 @@ TEST(DesiredPlace, KeepsTheOffsetWhenTheGroupFits) {
   EXPECT_LT(glm::distance(desired_place_m(c.targets, {1, 2, 8}, {}, 0.1, {}), glm::dvec3(1, 2, 8)), 1e-9);
 }
 
-// Returns whether every sphere lies within the picture of a camera at `place` that looks at `center`. The picture's sides stand at
-// (1 - margin) of the half angles.
-bool is_within(const glm::dvec3& place, const glm::dvec3& center, const std::vector<TrackedTarget>& targets, const Lens& lens, double margin) {
-  const glm::dvec3 ahead = glm::normalize(center - place), right = glm::normalize(glm::cross(ahead, glm::dvec3(0, 1, 0)));
+// Returns whether every sphere lies within the picture of a camera at `place` that looks at `center`. The picture's
+// sides stand at (1 - margin) of the half angles.
+bool is_within(const glm::dvec3& place, const glm::dvec3& center, const std::vector<TrackedTarget>& targets,
+               const Lens& lens, double margin) {
+  const glm::dvec3 ahead = glm::normalize(center - place),
+                   right = glm::normalize(glm::cross(ahead, glm::dvec3(0, 1, 0)));
   const glm::dvec3 up = glm::cross(right, ahead);
   const double half_y = lens.vertical_fov_rad / 2, half_x = std::atan(std::tan(half_y) * lens.aspect);
   for (const TrackedTarget& target : targets) {
     const glm::dvec3 from = target.aim_m - place;
-    for (const auto& [side, half] : {std::pair(right, half_x), std::pair(-right, half_x), std::pair(up, half_y), std::pair(-up, half_y)}) {
+    for (const auto& [side, half] :
+         {std::pair(right, half_x), std::pair(-right, half_x), std::pair(up, half_y), std::pair(-up, half_y)}) {
       const double angle = half * (1 - margin);
       // Signed distance from the side's plane.
-      if (glm::dot(from, ahead) * std::sin(angle) - glm::dot(from, side) * std::cos(angle) < target.radius_m) return false;
+      if (glm::dot(from, ahead) * std::sin(angle) - glm::dot(from, side) * std::cos(angle) < target.radius_m)
+        return false;
     }
   }
   return true;
@@ -99,9 +103,7 @@ TEST(DesiredPlace, ObeysDistanceAndElevationLimits) {
 TEST(ChoiceOf, SaysWhatTheCandidateSees) {
   Case c = two_targets();
   c.place({0, 0, 5}, 0b11), c.place({1, 0, 5}, 0b11), c.place({2, 0, 5}, 0b10), c.place({3, 0, 5}, 0b00);
-  const auto of = [&](uint32_t candidate) {
-    return choice_of(candidate, c.candidates, c.targets);
-  };
+  const auto of = [&](uint32_t candidate) { return choice_of(candidate, c.candidates, c.targets); };
   Choice choice = of(0);
   EXPECT_EQ(choice.candidate, 0);
   EXPECT_EQ(choice.status, MoveStatus::kTracking);
@@ -118,17 +120,22 @@ TEST(ChoiceOf, SaysWhatTheCandidateSees) {
 
 // What each reason claims (diagnostics.proto), checked for all that a goal, and all that the other candidates may see.
 TEST(ReasonOf, ClaimsOnlyWhatIsSo) {
-  for (const FlightCourse course : {FlightCourse::kFollow, FlightCourse::kStay, FlightCourse::kPlan, FlightCourse::kToView, FlightCourse::kTrail,
-                                    FlightCourse::kApproach, FlightCourse::kFarWay, FlightCourse::kToShot})
+  for (const FlightCourse course :
+       {FlightCourse::kFollow, FlightCourse::kStay, FlightCourse::kPlan, FlightCourse::kToView, FlightCourse::kTrail,
+        FlightCourse::kApproach, FlightCourse::kFarWay, FlightCourse::kToShot})
     for (const uint32_t from_goal : {0b00u, 0b01u, 0b11u})
       for (const bool somewhere_all : {false, true})
-        for (const auto& [other_shot, keeps_shot] : {std::pair(false, false), std::pair(false, true), std::pair(true, false), std::pair(true, true)}) {
+        for (const auto& [other_shot, keeps_shot] :
+             {std::pair(false, false), std::pair(false, true), std::pair(true, false), std::pair(true, true)}) {
           if (from_goal == 0b11 && !somewhere_all) continue;
           const MoveReason reason = reason_of(course, {from_goal, 0b11, somewhere_all, other_shot, keeps_shot});
-          const bool keeps = course == FlightCourse::kFollow ? !other_shot : course == FlightCourse::kPlan && keeps_shot;
+          const bool keeps = course == FlightCourse::kFollow ? !other_shot
+                                                             : course == FlightCourse::kPlan && keeps_shot;
           EXPECT_EQ(reason == MoveReason::kAtDesiredPlace, from_goal == 0b11 && keeps);
-          EXPECT_TRUE(reason != MoveReason::kOtherShot || (from_goal == 0b11 && other_shot && course == FlightCourse::kFollow));
-          EXPECT_TRUE(reason != MoveReason::kBestAllVisible || (from_goal == 0b11 && course == FlightCourse::kPlan && !keeps_shot));
+          EXPECT_TRUE(reason != MoveReason::kOtherShot ||
+                      (from_goal == 0b11 && other_shot && course == FlightCourse::kFollow));
+          EXPECT_TRUE(reason != MoveReason::kBestAllVisible ||
+                      (from_goal == 0b11 && course == FlightCourse::kPlan && !keeps_shot));
           EXPECT_TRUE(reason != MoveReason::kBestPartial || (!somewhere_all && from_goal != 0));
           EXPECT_TRUE(reason != MoveReason::kBestSoon || from_goal != 0b11u);
           EXPECT_EQ(reason == MoveReason::kNearestView, course == FlightCourse::kToView);
@@ -150,9 +157,8 @@ TEST(ChoiceOf, HoldsWithoutTargets) {
 }
 
 TEST(ChoiceOf, ATargetWithoutWeightCountsForNothing) {
-  for (const auto& [seen, status] :
-       {std::pair(0b01u, MoveStatus::kTracking), std::pair(0b11u, MoveStatus::kTracking),
-        std::pair(0b10u, MoveStatus::kEscaping)}) {
+  for (const auto& [seen, status] : {std::pair(0b01u, MoveStatus::kTracking), std::pair(0b11u, MoveStatus::kTracking),
+                                     std::pair(0b10u, MoveStatus::kEscaping)}) {
     Case c = two_targets();
     c.targets[1].weight = 0;
     c.place({1, 0, 5}, seen);
@@ -167,7 +173,8 @@ TEST(PlaceLimits, AreThoseOfEveryPlaceByItself) {
   for (int trial = 0; trial < 200; ++trial) {
     std::vector<TrackedTarget> targets;
     for (int i = 0; i < 1 + trial % 4; ++i)
-      targets.push_back(target_at({random.next_in(-2, 2), random.next_in(0, 2), random.next_in(-2, 2)}, i == 1 ? 0.0 : 1.0));
+      targets.push_back(
+          target_at({random.next_in(-2, 2), random.next_in(0, 2), random.next_in(-2, 2)}, i == 1 ? 0.0 : 1.0));
     const bool poles = trial % 10 == 0;
     const MoveSettings settings{.min_distance_m = random.next_in(0, 2),
                                 .max_distance_m = random.next_in(3, 20),
@@ -178,8 +185,9 @@ TEST(PlaceLimits, AreThoseOfEveryPlaceByItself) {
       const double limit = i % 2 == 0 ? settings.min_elevation_rad : settings.max_elevation_rad;
       const double rise = i % 3 == 0 ? limit : random.next_in(-1.6, 1.6), turn = random.next_in(0, 6.3),
                    far_m = i % 5 == 0 ? settings.max_distance_m : random.next_in(0, 25);
-      const glm::dvec3 place = weighted_center_m(targets) + far_m * glm::dvec3(std::cos(rise) * std::cos(turn), std::sin(rise),
-                                                                              std::cos(rise) * std::sin(turn));
+      const glm::dvec3 place = weighted_center_m(targets) + far_m * glm::dvec3(std::cos(rise) * std::cos(turn),
+                                                                               std::sin(rise),
+                                                                               std::cos(rise) * std::sin(turn));
       const bool expected = within_limits(place, targets, settings);
       ASSERT_EQ(limits.hold(place), expected) << "trial " << trial << " place " << i;
       ++(expected ? inside : outside);
@@ -197,7 +205,8 @@ TEST(BrokenLimits, AreThoseOfDistanceAndOfBothElevations) {
   settings.min_elevation_rad = -0.2, settings.max_elevation_rad = 0.8;
   settings.min_distance_m = 1, settings.max_distance_m = 10;
   const auto broken = [&](double elevation_rad, double distance_m) {
-    return broken_limits(distance_m * glm::dvec3(std::cos(elevation_rad), std::sin(elevation_rad), 0), targets, settings);
+    return broken_limits(distance_m * glm::dvec3(std::cos(elevation_rad), std::sin(elevation_rad), 0), targets,
+                         settings);
   };
   for (const double inside_rad : {-0.19, 0.0, 0.79}) {
     EXPECT_FALSE(broken(inside_rad, 5).elevation) << inside_rad;

@@ -69,13 +69,13 @@ struct Place {
     ClearanceField field;
     field.gather(mirror, {0, 0, 0}, 1000, mirror.moving_slots());
     for (size_t i = 0; i < position_m.size(); ++i)
-      ASSERT_EQ(measured[i], static_cast<float>(field.clearance_m(position_m[i], reach_m())))
-          << "place " << i;
+      ASSERT_EQ(measured[i], static_cast<float>(field.clearance_m(position_m[i], reach_m()))) << "place " << i;
     expect_fitting(field, before_m, measured);
     position_m = before_m;
   }
   // Only cells where the body did not fit were moved, and now it does.
-  void expect_fitting(const ClearanceField& field, const std::vector<glm::dvec3>& before_m, std::span<const float> measured) {
+  void expect_fitting(const ClearanceField& field, const std::vector<glm::dvec3>& before_m,
+                      std::span<const float> measured) {
     std::vector<uint32_t> moved;
     for (uint32_t i = 0; i < position_m.size(); ++i) {
       if (position_m[i] == before_m[i]) continue;
@@ -150,8 +150,8 @@ std::shared_ptr<const Geometry> dense_soup(Draw& draw, uint32_t triangles, doubl
   return build_geometry(std::move(mesh)).value();
 }
 
-// The work of each call is bounded, and its result is that of a cache that never saw another bound: a session that goes on from its recorded
-// memory has a new one.
+// The work of each call is bounded, and its result is that of a cache that never saw another bound: a session that goes
+// on from its recorded memory has a new one.
 TEST(ClearanceCache, AmongVeryManyTrianglesItIsBoundedAndTheSameWhateverWasBefore) {
   for (const double size_m : {0.3, 1.0, 4.0}) {
     Place place;
@@ -167,7 +167,9 @@ TEST(ClearanceCache, AmongVeryManyTrianglesItIsBoundedAndTheSameWhateverWasBefor
       ASSERT_TRUE(std::ranges::equal(a, b)) << i;
       ASSERT_EQ(travelled_m, fresh_m) << i;
       const uint64_t cells = place.lattice.size();
-      EXPECT_LE(fresh.tests(), 2 * (ClearanceCache::kTestsOfLattice + cells * ClearanceCache::kTestsOfCells + ClearanceCache::kTestsOfCell) + 4 * ClearanceCache::kTestsOfCell);
+      EXPECT_LE(fresh.tests(), 2 * (ClearanceCache::kTestsOfLattice + cells * ClearanceCache::kTestsOfCells +
+                                    ClearanceCache::kTestsOfCell) +
+                                   4 * ClearanceCache::kTestsOfCell);
       without_room += std::ranges::count(a, 0.0f);
       with_room += a.size() - std::ranges::count(a, 0.0f);
     }
@@ -183,10 +185,8 @@ TEST(ClearanceCache, AmongVeryManyTrianglesItIsBoundedAndTheSameWhateverWasBefor
 TEST(ClearanceCache, LeavesOutWhatMoves) {
   Place still, moving;
   moving.grow(true);
-  const auto a =
-      still.clearance_cache.measure(still.mirror, still.lattice, still.bound, still.position_m, kBodyM);
-  const auto b =
-      moving.clearance_cache.measure(moving.mirror, moving.lattice, moving.bound, moving.position_m, kBodyM);
+  const auto a = still.clearance_cache.measure(still.mirror, still.lattice, still.bound, still.position_m, kBodyM);
+  const auto b = moving.clearance_cache.measure(moving.mirror, moving.lattice, moving.bound, moving.position_m, kBodyM);
   EXPECT_TRUE(std::equal(a.begin(), a.end(), b.begin(), b.end()));
 }
 
@@ -228,7 +228,8 @@ TEST(ClearanceCache, MeasuresAgainForABodyOfAnotherSize) {
   EXPECT_GT(moved, 0u);
 }
 
-// A doorway that is 0.12 m wider and higher than the body needs. Wherever the points of the lattice lie, cells lead through it.
+// A doorway that is 0.12 m wider and higher than the body needs. Wherever the points of the lattice lie, cells lead
+// through it.
 TEST(ClearanceCache, MovesPlacesToWhereTheBodyFitsInADoorway) {
   constexpr double kHalfM = kBodyM + 0.06;
   for (const double shift_m : {0.0, 0.05, 0.1, 0.15, 0.2, 0.25}) {
@@ -236,7 +237,8 @@ TEST(ClearanceCache, MovesPlacesToWhereTheBodyFitsInADoorway) {
     const glm::dvec3 door_m(shift_m, 0.7 * shift_m, 0);
     uint64_t id = 1;
     for (const glm::dvec3 side : {glm::dvec3(1, 0, 0), glm::dvec3(-1, 0, 0), glm::dvec3(0, 1, 0), glm::dvec3(0, -1, 0)})
-      add(mirror, placed(id++, build_geometry(*tessellate(BoxShape{glm::vec3(5, 5, 0.2)})).value(), {door_m + (5 + kHalfM) * side, glm::dquat(1, 0, 0, 0)}));
+      add(mirror, placed(id++, build_geometry(*tessellate(BoxShape{glm::vec3(5, 5, 0.2)})).value(),
+                         {door_m + (5 + kHalfM) * side, glm::dquat(1, 0, 0, 0)}));
     Bound bound;
     bound.radius_m = 1.5;
     Lattice lattice;
@@ -247,7 +249,9 @@ TEST(ClearanceCache, MovesPlacesToWhereTheBodyFitsInADoorway) {
     const auto clearance_m = clearance_cache.measure(mirror, lattice, bound, position_m, kBodyM);
     size_t inside = 0;
     for (size_t i = 0; i < position_m.size(); ++i)
-      inside += std::abs(position_m[i].z) < 0.2 && glm::all(glm::lessThan(glm::abs(position_m[i] - door_m), glm::dvec3(kHalfM))) && clearance_m[i] >= kBodyM;
+      inside += std::abs(position_m[i].z) < 0.2 &&
+                glm::all(glm::lessThan(glm::abs(position_m[i] - door_m), glm::dvec3(kHalfM))) &&
+                clearance_m[i] >= kBodyM;
     EXPECT_GT(inside, 0u) << "shifted by " << shift_m;
   }
 }

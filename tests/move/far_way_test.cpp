@@ -14,7 +14,8 @@ constexpr double kBody_m = 0.25;
 
 struct Searched {
   void add_box(uint64_t id, const glm::dvec3& at_m, const glm::vec3& half_m) {
-    add(mirror, placed(id, build_geometry(tessellate(BoxShape{half_m}).value()).value(), {at_m, glm::dquat(1, 0, 0, 0)}));
+    add(mirror,
+        placed(id, build_geometry(tessellate(BoxShape{half_m}).value()).value(), {at_m, glm::dquat(1, 0, 0, 0)}));
   }
   bool find(const glm::dvec3& from_m, const glm::dvec3& to_m) {
     field.gather(mirror, from_m, FarWayFinder::kReachM, {});

@@ -23,7 +23,8 @@ struct Block {
   PlaceList places;
   std::vector<glm::dvec3> position_m;
 
-  explicit Block(const glm::ivec3& cells) : size(cells), clearance_m(static_cast<size_t>(cells.x * cells.y * cells.z), kWideM) {
+  explicit Block(const glm::ivec3& cells)
+      : size(cells), clearance_m(static_cast<size_t>(cells.x * cells.y * cells.z), kWideM) {
     for (int z = 0; z < size.z; ++z)
       for (int y = 0; y < size.y; ++y) runs.push_back({{0, y, z}, index({0, y, z})});
     places.set_runs(kSpacingM, runs, clearance_m.size());
@@ -57,7 +58,8 @@ Costs always(const Block& block, size_t slices, float cost) {
   return Costs(slices, std::vector<float>(block.clearance_m.size(), cost));
 }
 
-// The least cost from a cell and slice on, by trying every move with a table of what was tried before. Written from the header alone.
+// The least cost from a cell and slice on, by trying every move with a table of what was tried before. Written from the
+// header alone.
 class EveryWay {
  public:
   EveryWay(const Block& block, const Costs& costs, const FlightSettings& settings, double body_m)
@@ -75,18 +77,19 @@ class EveryWay {
   bool can_fly(uint32_t i, uint32_t j) const {
     const glm::ivec3 way = glm::abs(block_.cell(i) - block_.cell(j));
     const double length_m = glm::distance(block_.position_m[i], block_.position_m[j]);
-    return i != j && std::max({way.x, way.y, way.z}) == 1 && block_.clearance_m[i] >= body_m_ && block_.clearance_m[j] >= body_m_ &&
-           block_.clearance_m[i] + block_.clearance_m[j] > length_m;
+    return i != j && std::max({way.x, way.y, way.z}) == 1 && block_.clearance_m[i] >= body_m_ &&
+           block_.clearance_m[j] >= body_m_ && block_.clearance_m[i] + block_.clearance_m[j] > length_m;
   }
 
  private:
   double by_leg(uint32_t i, uint32_t j, size_t slice) {
     if (!can_fly(i, j)) return std::numeric_limits<double>::infinity();
     const double length_m = glm::distance(block_.at(block_.cell(i)), block_.at(block_.cell(j)));
-    const double takes = std::max(1.0, length_m / settings_.speed_mps / settings_.slice_s), rest = takes - std::floor(takes);
+    const double takes = std::max(1.0, length_m / settings_.speed_mps / settings_.slice_s),
+                 rest = takes - std::floor(takes);
     const size_t before = slice + static_cast<size_t>(takes);
-    return settings_.route * static_cast<double>(costs_.size()) * length_m + (1 - rest) * arriving(i, j, slice, before) +
-           rest * arriving(i, j, slice, before + 1);
+    return settings_.route * static_cast<double>(costs_.size()) * length_m +
+           (1 - rest) * arriving(i, j, slice, before) + rest * arriving(i, j, slice, before + 1);
   }
   double arriving(uint32_t i, uint32_t j, size_t slice, size_t arrival) {
     double cost = from(block_.cell(j), arrival);
@@ -119,7 +122,8 @@ TEST(FlightPlan, IsTheCheapestOfAllWays) {
     block.clearance_m[block.index(home)] = kWideM;
     if (seed % 2 == 0)  // places off the middle of their cells
       for (glm::dvec3& place_m : block.position_m)
-        if (random.next_below(3) == 0) place_m += glm::dvec3(random.next_in(-0.14, 0.14), random.next_in(-0.14, 0.14), random.next_in(-0.14, 0.14));
+        if (random.next_below(3) == 0)
+          place_m += glm::dvec3(random.next_in(-0.14, 0.14), random.next_in(-0.14, 0.14), random.next_in(-0.14, 0.14));
     const double body_m = seed % 3 == 0 ? 0.46 : 0.3;  // a large body leaves no leg on which a wall could stand
     const FlightPlan& plan = planned(planner, block, costs, {.position_m = block.at(home)}, settings, body_m);
 
@@ -129,7 +133,8 @@ TEST(FlightPlan, IsTheCheapestOfAllWays) {
       const glm::ivec3 way = glm::abs(block.cell(i) - home);
       if (std::max({way.x, way.y, way.z}) > 1 || block.clearance_m[i] < body_m) continue;
       const double length_m = glm::distance(block.at(home), block.position_m[i]);
-      const auto arrival = std::min(static_cast<size_t>(std::lround(length_m / settings.speed_mps / settings.slice_s)), slices - 1);
+      const auto arrival = std::min(static_cast<size_t>(std::lround(length_m / settings.speed_mps / settings.slice_s)),
+                                    slices - 1);
       double cost = settings.route * static_cast<double>(slices) * length_m + ways.from(block.cell(i), arrival);
       for (size_t k = 0; k < arrival; ++k) cost += costs[k][i];
       least = std::min(least, cost);
@@ -138,7 +143,8 @@ TEST(FlightPlan, IsTheCheapestOfAllWays) {
     for (size_t k = 0; k < plan.candidates.size(); ++k)
       EXPECT_LT(glm::distance(plan.point_m[k + 1], block.position_m[plan.candidates[k]]), 1e-6) << "seed " << seed;
     for (size_t k = 1; k < plan.candidates.size(); ++k)
-      EXPECT_TRUE(plan.candidates[k - 1] == plan.candidates[k] || ways.can_fly(plan.candidates[k - 1], plan.candidates[k]))
+      EXPECT_TRUE(plan.candidates[k - 1] == plan.candidates[k] ||
+                  ways.can_fly(plan.candidates[k - 1], plan.candidates[k]))
           << "seed " << seed;
   }
 }
@@ -163,7 +169,8 @@ TEST(FlightPlan, ABlurredCostIsMixedWithTheMeanOfTheOpenCellsAround) {
         if (std::max({apart.x, apart.y, apart.z}) > 1 || block.clearance_m[j] < 0.3f) continue;
         sum += costs[slice][j], ++open;
       }
-      EXPECT_NEAR(planner.costs(slice)[planner.cell_of(i)], (1 - kShare) * costs[slice][i] + kShare * sum / open, 1e-4) << i;
+      EXPECT_NEAR(planner.costs(slice)[planner.cell_of(i)], (1 - kShare) * costs[slice][i] + kShare * sum / open, 1e-4)
+          << i;
     }
 }
 
@@ -173,7 +180,8 @@ TEST(FlightPlan, LeavesBeforeItsPlaceGoesBad) {
   Costs costs = always(block, 10, 0);
   for (size_t slice = 5; slice < costs.size(); ++slice)  // half a second from now the first six cells are hidden
     for (uint32_t i = 0; i < 6; ++i) costs[slice][i] = 80;
-  const FlightPlan plan = planned(planner, block, costs, {.position_m = block.at({2, 0, 0})}, {.speed_mps = 5, .route = 0.3});
+  const FlightPlan plan = planned(planner, block, costs, {.position_m = block.at({2, 0, 0})},
+                                  {.speed_mps = 5, .route = 0.3});
   EXPECT_GE(plan.at(0.6).x, block.at({6, 0, 0}).x) << "it is there when the others are hidden";
   EXPECT_GT(plan.at(0.4).x, block.at({2, 0, 0}).x) << "it has left before";
 }
@@ -187,13 +195,15 @@ TEST(FlightPlan, PassesABadPlaceRatherThanWaitingForIt) {
   EXPECT_EQ(plan.candidates.back(), 4u);
 }
 
-// The only good cell lies two cells away, along each of the 26 legs in turn. Every leg takes one slice, so two slices are bad.
+// The only good cell lies two cells away, along each of the 26 legs in turn. Every leg takes one slice, so two slices
+// are bad.
 TEST(FlightPlan, EveryLegLeadsToTheCellsBeyond) {
   FlightPlanner planner;
   const Block block({5, 5, 5});
   const glm::ivec3 middle(2);
   const FlightSettings settings{.slice_s = 0.1, .speed_mps = 9, .route = 2, .afterwards = 0.5};
-  for (const double body_m : {0.1, 0.3, 0.46})  // only the small body has legs that a wall could cross along each number of axes
+  // only the small body has legs that a wall could cross along each number of axes
+  for (const double body_m : {0.1, 0.3, 0.46})
     for (uint32_t i = 0; i < 27; ++i) {
       const glm::ivec3 leg(static_cast<int>(i % 3) - 1, static_cast<int>(i / 3 % 3) - 1, static_cast<int>(i / 9) - 1);
       if (leg == glm::ivec3(0)) continue;
@@ -203,7 +213,8 @@ TEST(FlightPlan, EveryLegLeadsToTheCellsBeyond) {
       const FlightPlan& plan = planned(planner, block, costs, {.position_m = block.at(middle)}, settings, body_m);
       ASSERT_FALSE(plan.candidates.empty());
       EXPECT_EQ(plan.candidates.back(), good);
-      EXPECT_NEAR(plan.cost, 2 * 60.0 / 6 + 2 * glm::length(block.at(2 * leg)), 1e-4) << leg.x << ' ' << leg.y << ' ' << leg.z << ", body " << body_m;
+      EXPECT_NEAR(plan.cost, 2 * 60.0 / 6 + 2 * glm::length(block.at(2 * leg)), 1e-4)
+          << leg.x << ' ' << leg.y << ' ' << leg.z << ", body " << body_m;
     }
 }
 
@@ -221,7 +232,8 @@ TEST(FlightPlan, LeadsRoundAWall) {
   for (int z = 0; z < 4; ++z) block.clearance_m[block.index({3, 0, z})] = 0.1f;  // open at z = 4 only
   Costs costs = always(block, 12, 10);
   for (auto& of_slice : costs) of_slice[block.index({5, 0, 1})] = 0;
-  const FlightPlan plan = planned(planner, block, costs, {.position_m = block.at({1, 0, 1})}, {.speed_mps = 10, .route = 0.01});
+  const FlightPlan plan = planned(planner, block, costs, {.position_m = block.at({1, 0, 1})},
+                                  {.speed_mps = 10, .route = 0.01});
   EXPECT_EQ(plan.candidates.back(), block.index({5, 0, 1}));
   for (const uint32_t candidate : plan.candidates) EXPECT_GE(block.clearance_m[candidate], 0.3f);
 }
@@ -233,7 +245,8 @@ TEST(FlightPlan, NoLegCrossesASheetBetweenItsEnds) {
   block.clearance_m = {0.24f, 0.24f};
   Costs costs = always(block, 6, 0);
   for (auto& of_slice : costs) of_slice[0] = 50;
-  const FlightStart start{.position_m = block.at({0, 0, 0}), .is_free = [](uint32_t candidate) { return candidate == 0; }};
+  const FlightStart start{.position_m = block.at({0, 0, 0}),
+                          .is_free = [](uint32_t candidate) { return candidate == 0; }};
   EXPECT_EQ(planned(planner, block, costs, start, {}, 0.2).candidates.back(), 0u);
   block.clearance_m = {0.26f, 0.26f};
   EXPECT_EQ(planned(planner, block, costs, start, {}, 0.2).candidates.back(), 1u);

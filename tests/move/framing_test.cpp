@@ -42,7 +42,8 @@ TEST(Framing, OneTargetStandsInTheMiddle) {
   }
 }
 
-// Points of the required targets' spheres, projected plainly, are all inside the picture whenever the aim says that they fit.
+// Points of the required targets' spheres, projected plainly, are all inside the picture whenever the aim says that
+// they fit.
 TEST(Framing, RequiredTargetsAreInThePictureWholeWhenTheyFit) {
   CounterRandom random(52, 0, RandomPurpose::kTest);
   int fitted = 0;
@@ -77,7 +78,8 @@ TEST(Framing, BodiesAreInThePictureWholeWhenTheyFit) {
     std::vector<TrackedTarget> targets;
     for (int i = 0; i < 1 + trial % 4; ++i) {
       targets.push_back(target_at({random.next_in(-2, 2), random.next_in(-0.5, 0.5), random.next_in(-2, 2)}, 0.95));
-      targets.back().low_m = random.next_in(0.3, 0.9), targets.back().high_m = random.next_in(0.3, 0.9), targets.back().aside_m = 0.3;
+      targets.back().low_m = random.next_in(0.3, 0.9), targets.back().high_m = random.next_in(0.3, 0.9),
+      targets.back().aside_m = 0.3;
     }
     const glm::dvec3 eye(random.next_in(-3, 3), random.next_in(-1, 7), random.next_in(3, 12));
     const Aim aim = aim_at(eye, targets, {}, {}, {.framing = no_dead_zone()});
@@ -87,7 +89,8 @@ TEST(Framing, BodiesAreInThePictureWholeWhenTheyFit) {
     for (const TrackedTarget& t : targets)
       for (int i = 0; i < 20; ++i) {
         const double turn = random.next_in(0, 7);
-        const glm::dvec3 out(0.97 * t.aside_m * std::cos(turn), (i % 2 == 0 ? -t.low_m : t.high_m) * 0.98, 0.97 * t.aside_m * std::sin(turn));
+        const glm::dvec3 out(0.97 * t.aside_m * std::cos(turn), (i % 2 == 0 ? -t.low_m : t.high_m) * 0.98,
+                             0.97 * t.aside_m * std::sin(turn));
         ASSERT_TRUE(in_picture(pose, {}, t.aim_m + out)) << trial;
       }
     for (TrackedTarget& t : targets) t.low_m = t.high_m = t.aside_m = 0;
@@ -98,8 +101,7 @@ TEST(Framing, BodiesAreInThePictureWholeWhenTheyFit) {
 }
 
 TEST(Framing, HeavierTargetsStandNearerTheMiddle) {
-  const std::vector<TrackedTarget> targets = {target_at({-2, 0, -10}, 0.3, 5.0),
-                                           target_at({2, 0, -10}, 0.3, 1.0)};
+  const std::vector<TrackedTarget> targets = {target_at({-2, 0, -10}, 0.3, 5.0), target_at({2, 0, -10}, 0.3, 1.0)};
   const Pose pose = pose_of({0, 0, 0}, aim_at({0, 0, 0}, targets, {}, {}, {.framing = no_dead_zone()}));
   const double left = inverse_transform_point(pose, targets[0].aim_m).x,
                right = inverse_transform_point(pose, targets[1].aim_m).x;
@@ -136,7 +138,8 @@ TEST(Framing, BeyondTheDeadZoneTheViewTurnsToItsEdge) {
   for (const double share : {0.35, 0.6, -0.35, -0.6}) {
     const double beyond = std::max(std::abs(share) - 0.4, 0.0) * (share < 0 ? -1 : 1);
     const double yaw = share * half_x, pitch = share * half_y;
-    const glm::dvec3 aside(-10 * std::sin(yaw), 0, -10 * std::cos(yaw)), above(0, 10 * std::sin(pitch), -10 * std::cos(pitch));
+    const glm::dvec3 aside(-10 * std::sin(yaw), 0, -10 * std::cos(yaw)),
+        above(0, 10 * std::sin(pitch), -10 * std::cos(pitch));
     const Aim turned = aim_at({0, 0, 0}, std::vector{target_at(aside)}, {}, lens, {.framing = settings});
     EXPECT_NEAR(turned.angles.yaw_rad, beyond * half_x, 1e-6) << share;
     EXPECT_NEAR(turned.angles.pitch_rad, 0.0, 1e-9);

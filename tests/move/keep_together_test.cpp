@@ -116,7 +116,8 @@ TEST(FitsPicture, AgreesWithAFineSearchOverDirections) {
       for (double yaw = -1; yaw <= 1; yaw += 0.01)
         for (double pitch = -0.5; pitch <= 0.5; pitch += 0.01) {
           const Pose pose{eye, rotation_from_angles({yaw, pitch, 0})};
-          if (std::all_of(targets.begin(), targets.end(), [&](const auto& t) { return in_picture(pose, narrow, t.aim_m); }))
+          if (std::all_of(targets.begin(), targets.end(),
+                          [&](const auto& t) { return in_picture(pose, narrow, t.aim_m); }))
             return true;
         }
       return false;

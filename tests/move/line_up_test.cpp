@@ -55,7 +55,9 @@ struct Shot {
   glm::dvec3 place_m(const glm::dvec3& towards) const { return farthest_place_m(targets, towards, settings); }
 };
 
-double azimuth_rad(const glm::dvec3& towards) { return std::atan2(towards.z, towards.x); }
+double azimuth_rad(const glm::dvec3& towards) {
+  return std::atan2(towards.z, towards.x);
+}
 
 TEST(LineUp, AShotThatShowsItsTargetsIsKept) {
   for (const double half_m : {0.0, 1.0, 5.0, 9.0}) {
@@ -65,7 +67,8 @@ TEST(LineUp, AShotThatShowsItsTargetsIsKept) {
   }
 }
 
-// From its place the targets fit, and the room that is to be left is left. It is not left by a shot that is turned 5 degrees less.
+// From its place the targets fit, and the room that is to be left is left. It is not left by a shot that is turned 5
+// degrees less.
 TEST(LineUp, AShotIsTurnedUntilItsTargetsFitAndNoFarther) {
   CounterRandom random(7, 0, RandomPurpose::kTest);
   int turned = 0;
@@ -81,7 +84,8 @@ TEST(LineUp, AShotIsTurnedUntilItsTargetsFitAndNoFarther) {
     const double turn_rad = std::remainder(azimuth_rad(offset_m) - azimuth_rad(shot.offset_m), 360 * kDegree);
     if (std::abs(turn_rad) < 6 * kDegree) continue;
     ++turned;
-    const double less_rad = azimuth_rad(offset_m) - std::copysign(5 * kDegree, turn_rad), flat_m = std::hypot(offset_m.x, offset_m.z);
+    const double less_rad = azimuth_rad(offset_m) - std::copysign(5 * kDegree, turn_rad),
+                 flat_m = std::hypot(offset_m.x, offset_m.z);
     const glm::dvec3 less_m(std::cos(less_rad) * flat_m, offset_m.y, std::sin(less_rad) * flat_m);
     EXPECT_FALSE(fits_plainly(shot.place_m(less_m), shot.targets, shot.lens, kRoom - 0.02)) << trial;
   }
@@ -135,7 +139,8 @@ TEST(LineUp, WhetherTheTargetsAreSeenIsAskedAboutTheEnds) {
   EXPECT_GT(asked, 0);
 }
 
-// One end is nearer to the light target, and both ends hold all three. A target that sways about the centre does not change the end.
+// One end is nearer to the light target, and both ends hold all three. A target that sways about the centre does not
+// change the end.
 TEST(LineUp, ATargetThatSwaysInTheMiddleDoesNotChangeTheEnd) {
   Shot shot({at(-17, 0, 0), at(0.5, 0, 0), at(17, 0, 0)});
   for (int k = 0; k < 10; ++k) {
@@ -149,7 +154,8 @@ TEST(LineUp, ATargetThatSwaysInTheMiddleDoesNotChangeTheEnd) {
   }
 }
 
-// The centre is nearer to the heavy one, and so is the camera's place at 30 m. At the other end the light target would be too near.
+// The centre is nearer to the heavy one, and so is the camera's place at 30 m. At the other end the light target would
+// be too near.
 TEST(LineUp, TheCameraGoesToTheOnlyEndThatHoldsBoth) {
   Shot shot({at(-11.8, 0, 0), at(29.5, 0, 0)});
   shot.targets[0].weight = 2.5, shot.targets[0].required = false;

@@ -46,9 +46,8 @@ TEST(Motion, ASpeedOverItsLimitIsBrakedWithinTheAcceleration) {
     return glm::dvec3(random.next_in(-most, most), random.next_in(-most, most), random.next_in(-most, most));
   };
   for (int trial = 0; trial < 5000; ++trial) {
-    CameraLimits limits{.max_speed_mps = random.next_in(0.1, 5),
-                        .max_acceleration_mps2 = random.next_in(1, 20),
-                        .max_jerk_mps3 = 0};
+    CameraLimits limits{
+        .max_speed_mps = random.next_in(0.1, 5), .max_acceleration_mps2 = random.next_in(1, 20), .max_jerk_mps3 = 0};
     limits.max_angular_speed_radps = limits.max_speed_mps;
     limits.max_angular_acceleration_radps2 = limits.max_acceleration_mps2;
     const double dt = random.next_in(0.001, 0.25), change = limits.max_acceleration_mps2 * dt;
@@ -64,8 +63,7 @@ TEST(Motion, ASpeedOverItsLimitIsBrakedWithinTheAcceleration) {
     const TurnState turned = turn_towards(turning, {before.z, 0.4, 0.0}, limits, 0.4, dt);
     const glm::dvec2 rate(turned.yaw_rate_radps, turned.pitch_rate_radps);
     EXPECT_LE(glm::distance(rate, former), change * (1 + 1e-9));
-    EXPECT_LE(glm::length(rate),
-              std::max(limits.max_angular_speed_radps, glm::length(former) - change) * (1 + 1e-9));
+    EXPECT_LE(glm::length(rate), std::max(limits.max_angular_speed_radps, glm::length(former) - change) * (1 + 1e-9));
   }
 }
 
@@ -154,8 +152,8 @@ TEST(Motion, YawTurnsLeftAndPitchLooksUp) {
   EXPECT_LT(glm::distance(up, glm::dvec3(0, 1, 0)), 1e-12);
 }
 
-// Turns up to both poles and half turns, with irregular steps. The rotation between two poses, measured on the quaternions, stays within
-// the limits, and the camera neither rolls nor passes a pole.
+// Turns up to both poles and half turns, with irregular steps. The rotation between two poses, measured on the
+// quaternions, stays within the limits, and the camera neither rolls nor passes a pole.
 TEST(Motion, TurningObeysTheLimitsAndStopsAtThePoles) {
   CounterRandom random(44, 0, RandomPurpose::kTest);
   const CameraLimits limits{.max_angular_speed_radps = 2, .max_angular_acceleration_radps2 = 9};
@@ -168,11 +166,9 @@ TEST(Motion, TurningObeysTheLimitsAndStopsAtThePoles) {
     }
     const double dt = random.next_in(0.001, 0.04);
     const TurnState next = turn_towards(state, aim, limits, random.next_in(0, 0.5), dt);
-    const double turned =
-        angle_between(rotation_from_angles(state.angles), rotation_from_angles(next.angles));
+    const double turned = angle_between(rotation_from_angles(state.angles), rotation_from_angles(next.angles));
     EXPECT_LE(turned, 2 * dt * (1 + 1e-6) + 1e-9);
-    const glm::dvec2 change(next.yaw_rate_radps - state.yaw_rate_radps,
-                            next.pitch_rate_radps - state.pitch_rate_radps);
+    const glm::dvec2 change(next.yaw_rate_radps - state.yaw_rate_radps, next.pitch_rate_radps - state.pitch_rate_radps);
     EXPECT_LE(glm::length(change), 9 * dt * (1 + 1e-9));
     EXPECT_EQ(next.angles.roll_rad, 0.0);
     EXPECT_LE(std::abs(next.angles.pitch_rad), kMaxPitchRad + 1e-12);
@@ -189,8 +185,7 @@ TEST(Motion, LoweredLimitsNeverTurnTheCameraPastAPole) {
     CameraLimits limits;
     limits.max_angular_speed_radps = random.next_in(0.1, 20);
     limits.max_angular_acceleration_radps2 = random.next_below(3) == 0 ? random.next_in(50, 200) : 0.5;
-    const ViewAngles aim{random.next_in(-kPi, kPi), random.next_below(2) == 0 ? kMaxPitchRad : -kMaxPitchRad,
-                         0};
+    const ViewAngles aim{random.next_in(-kPi, kPi), random.next_below(2) == 0 ? kMaxPitchRad : -kMaxPitchRad, 0};
     state = turn_towards(state, aim, limits, 0, random.next_in(0.001, 0.25));
     ASSERT_LE(std::abs(state.angles.pitch_rad), kMaxPitchRad + 1e-12) << step;
   }
@@ -223,7 +218,8 @@ TEST(Motion, ARollIsReachedGentlyWithoutGoingBeyond) {
     TurnState state;
     for (int i = 0; i < 240; ++i) {
       const TurnState next = turn_towards(state, {0, 0, aim_rad}, {}, 0.4, 1.0 / 60);
-      EXPECT_LE(std::abs(next.roll_rate_radps - state.roll_rate_radps), CameraLimits{}.max_angular_acceleration_radps2 / 60 * (1 + 1e-9));
+      EXPECT_LE(std::abs(next.roll_rate_radps - state.roll_rate_radps),
+                CameraLimits{}.max_angular_acceleration_radps2 / 60 * (1 + 1e-9));
       EXPECT_LE(std::abs(next.angles.roll_rad), std::abs(aim_rad) + 0.01);
       state = next;
     }

@@ -38,7 +38,8 @@ Rectangle drawn(const Pose& world_from_camera, const Body& body) {
     for (int turn = 0; turn < 64; ++turn) {
       const double angle = turn * std::numbers::pi / 32;
       const glm::dvec3 out_m(body.aside_m * std::cos(angle), 0, body.aside_m * std::sin(angle));
-      const glm::dvec3 p = inverse_transform_point(world_from_camera, glm::mix(body.low_m, body.high_m, up / 20.0) + out_m);
+      const glm::dvec3 p = inverse_transform_point(world_from_camera,
+                                                   glm::mix(body.low_m, body.high_m, up / 20.0) + out_m);
       around.include(glm::dvec2(p.x, p.y) / std::max(-p.z, 1e-3));
     }
   return around;
@@ -78,10 +79,13 @@ TEST(PictureFit, SharesAreThoseOfADrawing) {
   for (size_t targets = 1; targets <= 4; ++targets) {
     std::vector<glm::dvec3> eye_m;
     std::vector<Body> bodies;
-    for (size_t k = 0; k < targets; ++k) bodies.push_back(standing({300 + near_m(random), 0.9 + near_m(random) / 8, near_m(random)}, 1.8, 0.3, weight(random)));
+    for (size_t k = 0; k < targets; ++k)
+      bodies.push_back(
+          standing({300 + near_m(random), 0.9 + near_m(random) / 8, near_m(random)}, 1.8, 0.3, weight(random)));
     while (eye_m.size() < 400) {
       const glm::dvec3 at_m(300 + far_m(random), 0.2 + std::abs(far_m(random)) / 2, far_m(random));
-      const bool is_near = std::ranges::any_of(bodies, [&](const Body& body) { return glm::distance(at_m, (body.low_m + body.high_m) / 2.0) < 1.3; });
+      const bool is_near = std::ranges::any_of(
+          bodies, [&](const Body& body) { return glm::distance(at_m, (body.low_m + body.high_m) / 2.0) < 1.3; });
       // Between its targets, the middle of what a camera would have to show says little.
       const bool is_between = std::hypot(at_m.x - 300, at_m.z) < 3.0 && targets > 1;
       if (!is_near && !is_between) eye_m.push_back(at_m);
@@ -111,7 +115,8 @@ TEST(PictureFit, APlaceRightBeforeATargetShowsAPartOfIt) {
 TEST(PictureFit, ACameraBetweenItsTargetsShowsNeitherWhole) {
   EXPECT_GT(shares({{0, 0.9, 0.1}}, {standing({-3, 0.9, 0}), standing({3, 0.9, 0})})[0], 0.4);
   EXPECT_EQ(shares({{0, 0.9, 20}}, {standing({-3, 0.9, 0}), standing({3, 0.9, 0})})[0], 0);
-  EXPECT_EQ(shares({{0, 0.9, 4}}, {standing({0, 0.9, 0}), standing({0, 0.9, 8}, 1.8, 0.3, 0)})[0], 0) << "the other one does not count";
+  EXPECT_EQ(shares({{0, 0.9, 4}}, {standing({0, 0.9, 0}), standing({0, 0.9, 8}, 1.8, 0.3, 0)})[0], 0)
+      << "the other one does not count";
 }
 
 TEST(PictureFit, SharesAreNumbersEverywhere) {

@@ -35,8 +35,8 @@ ClosedForm random_motion(CounterRandom& random) {
 }
 
 // Shows a predictor `samples` poses of a motion at irregular intervals. Returns the time of the last one.
-double watch(MotionPredictor& predictor, const std::function<Pose(double)>& motion, int samples,
-             CounterRandom& random, double shortest = 0.01, double longest = 0.05) {
+double watch(MotionPredictor& predictor, const std::function<Pose(double)>& motion, int samples, CounterRandom& random,
+             double shortest = 0.01, double longest = 0.05) {
   double t = 0;
   predictor.observe(0, motion(0));
   for (int i = 1; i < samples; ++i) {
@@ -78,8 +78,7 @@ TEST(Predict, ConstantAccelerationAndTurnArePredictedExactlyAtAnyTimeSteps) {
     // From three samples 10 ms apart, an acceleration is known to (rounding of 20 m) / dt^2, about 1e-11 m/s^2.
     expect_same(predictor.at(2.0).pose, motion.at(t + 2.0), 1e-8);
     EXPECT_LT(glm::distance(predictor.acceleration_mps2(), motion.a), 1e-8);
-    EXPECT_LT(glm::distance(predictor.angular_velocity_radps(), motion.axis * (motion.w + motion.b * t)),
-              1e-8);
+    EXPECT_LT(glm::distance(predictor.angular_velocity_radps(), motion.axis * (motion.w + motion.b * t)), 1e-8);
   }
 }
 
@@ -189,8 +188,8 @@ struct Extremes {
       speed = std::max(speed, glm::length(step[i]) / dt[i]);
       longest = std::max(longest, dt[i]);
       if (i > first)
-        acceleration = std::max(
-            acceleration, glm::distance(step[i] / dt[i], step[i - 1] / dt[i - 1]) * 2 / (dt[i] + dt[i - 1]));
+        acceleration = std::max(acceleration,
+                                glm::distance(step[i] / dt[i], step[i - 1] / dt[i - 1]) * 2 / (dt[i] + dt[i - 1]));
     }
   }
 };
@@ -213,10 +212,8 @@ TEST(Predict, NoPredictionLeavesItsBoundHoweverWildThePast) {
       const Extremes seen(dt, step);
       for (const double ahead : {0.01, 0.3, 2.0, 7.0}) {
         const double h = std::min(ahead, kMaxPredictionS);
-        const double bound =
-            std::min(seen.speed * h + seen.acceleration * h * (h + seen.longest) / 2, 100.0 * h);
-        ASSERT_LE(glm::distance(predictor.at(ahead).pose.position_m, place), bound * (1 + 1e-8))
-            << seed << " " << i;
+        const double bound = std::min(seen.speed * h + seen.acceleration * h * (h + seen.longest) / 2, 100.0 * h);
+        ASSERT_LE(glm::distance(predictor.at(ahead).pose.position_m, place), bound * (1 + 1e-8)) << seed << " " << i;
       }
     }
   }
@@ -233,9 +230,8 @@ TEST(Predict, AccelerationIsBelievedOnlyForItsTime) {
       predictor, [&](double s) { return motion.at(s); }, 20, random);
   expect_same(predictor.at(0.2).pose, motion.at(t + 0.2), 1e-9);
   const glm::dvec3 kept_velocity = motion.v + motion.a * (t + 0.2);
-  EXPECT_LT(
-      glm::distance(predictor.at(1.0).pose.position_m, motion.at(t + 0.2).position_m + kept_velocity * 0.8),
-      1e-9);
+  EXPECT_LT(glm::distance(predictor.at(1.0).pose.position_m, motion.at(t + 0.2).position_m + kept_velocity * 0.8),
+            1e-9);
 }
 
 glm::dvec3 noise(CounterRandom& random, double size) {
@@ -280,8 +276,8 @@ double usable_under_noise(double size) {
 }
 
 TEST(Predict, MoreNoiseShortensTheTimeThatIsUsed) {
-  const double none = usable_under_noise(0), little = usable_under_noise(0.005),
-               some = usable_under_noise(0.02), much = usable_under_noise(0.1);
+  const double none = usable_under_noise(0), little = usable_under_noise(0.005), some = usable_under_noise(0.02),
+               much = usable_under_noise(0.1);
   EXPECT_NEAR(none, kMaxPredictionS, 1e-9);
   EXPECT_GE(none, little);
   EXPECT_GT(little, some);
@@ -340,7 +336,8 @@ TEST(Predict, AnUnpredictableRotationIsDistrustedAsAnUnpredictablePlaceIs) {
     CounterRandom random(15, 0, RandomPurpose::kTest);
     MotionPredictor predictor;
     for (int i = 0; i < 200; ++i)
-      predictor.observe(1 / 60.0, {glm::dvec3(i * 0.05, 0, 0) + noise(random, shift), glm::normalize(glm::dquat(1, noise(random, turn)))});
+      predictor.observe(1 / 60.0, {glm::dvec3(i * 0.05, 0, 0) + noise(random, shift),
+                                   glm::normalize(glm::dquat(1, noise(random, turn)))});
     return predictor.confidence(0.4);
   };
   EXPECT_GT(confidence(0, 0), 0.99);
@@ -348,7 +345,8 @@ TEST(Predict, AnUnpredictableRotationIsDistrustedAsAnUnpredictablePlaceIs) {
   EXPECT_LT(confidence(0, 0.2), 0.6);
 }
 
-// The bounds of a prediction come from the steps that are remembered, 32 of them. What a predictor saw before makes no difference.
+// The bounds of a prediction come from the steps that are remembered, 32 of them. What a predictor saw before makes no
+// difference.
 TEST(Predict, OlderStepsAreForgotten) {
   CounterRandom random(16, 0, RandomPurpose::kTest);
   constexpr int kRemembered = 32;
@@ -357,7 +355,8 @@ TEST(Predict, OlderStepsAreForgotten) {
     glm::dvec3 at(0.0);
     for (int i = 0; i < 120; ++i) {
       // Bursts of speed, so that the maxima leave the memory again and again.
-      const double speed = random.next_below(10) == 0 ? 8.0 : 0.5, dt = random.next_in(0.01, random.next_below(8) == 0 ? 0.1 : 0.02);
+      const double speed = random.next_below(10) == 0 ? 8.0 : 0.5,
+                   dt = random.next_in(0.01, random.next_below(8) == 0 ? 0.1 : 0.02);
       at += random_vector(random, speed) * dt;
       seen.emplace_back(dt, Pose{at, glm::dquat(1, 0, 0, 0)});
     }
@@ -366,7 +365,8 @@ TEST(Predict, OlderStepsAreForgotten) {
       for (size_t i = 0; i < now; ++i) whole.observe(seen[i].first, seen[i].second);
       for (size_t i = now - kRemembered - 1; i < now; ++i) recent.observe(seen[i].first, seen[i].second);
       for (const double ahead : {0.1, 0.5, 1.2})
-        ASSERT_LT(glm::distance(whole.at(ahead).pose.position_m, recent.at(ahead).pose.position_m), 1e-9) << trial << ' ' << now;
+        ASSERT_LT(glm::distance(whole.at(ahead).pose.position_m, recent.at(ahead).pose.position_m), 1e-9)
+            << trial << ' ' << now;
     }
   }
 }
@@ -392,8 +392,7 @@ TEST(Predict, PredictedRotationsHaveUnitLength) {
   CounterRandom random(15, 0, RandomPurpose::kTest);
   MotionPredictor predictor;
   for (int i = 0; i < 100; ++i) {
-    predictor.observe(0.02,
-                      {random_vector(random, 1), glm::normalize(glm::dquat(1, random_vector(random, 0.3)))});
+    predictor.observe(0.02, {random_vector(random, 1), glm::normalize(glm::dquat(1, random_vector(random, 0.3)))});
     ASSERT_NEAR(glm::length(predictor.at(1.3).pose.rotation), 1.0, 1e-12);
   }
 }

@@ -40,6 +40,8 @@ inline Nodes random_nodes(Draw& draw) {
   return nodes;
 }
 
-inline double random_body_m(Draw& draw) { return draw.in(0, 0.6); }
+inline double random_body_m(Draw& draw) {
+  return draw.in(0, 0.6);
+}
 
 }  // namespace sightline::test

@@ -44,8 +44,7 @@ double leg_m(const Nodes& n, uint32_t a, uint32_t b, uint32_t start, double body
   if (n.clearance_m[b] < body_m) return kUnreachable;
   const glm::dvec3 d = n.position_m[a] - n.position_m[b];
   const double length = std::sqrt(d.x * d.x + d.y * d.y + d.z * d.z);
-  if (static_cast<double>(n.clearance_m[a]) + static_cast<double>(n.clearance_m[b]) <= length)
-    return kUnreachable;
+  if (static_cast<double>(n.clearance_m[a]) + static_cast<double>(n.clearance_m[b]) <= length) return kUnreachable;
   return length;
 }
 
@@ -77,8 +76,7 @@ TEST(Route, LengthsAreThoseOfBellmanFordOnRandomNodes) {
     const std::vector<double> expected = reference_lengths_m(nodes, start, body_m);
     ASSERT_EQ(finder.length_m().size(), nodes.size());
     for (size_t i = 0; i < nodes.size(); ++i) {
-      ASSERT_EQ(std::isinf(finder.length_m()[i]), std::isinf(expected[i]))
-          << "trial " << trial << " node " << i;
+      ASSERT_EQ(std::isinf(finder.length_m()[i]), std::isinf(expected[i])) << "trial " << trial << " node " << i;
       if (std::isinf(expected[i])) {
         ++unreached;
         continue;
@@ -191,7 +189,8 @@ TEST(Route, AClearanceAtTheLimitFitsAndASumAtTheLengthDoesNot) {
   EXPECT_EQ(finder.length_m()[1], 1.0);
 }
 
-// The balls of both nodes overlap, but between them is too little room for the body. Only the callback knows whether it fits.
+// The balls of both nodes overlap, but between them is too little room for the body. Only the callback knows whether it
+// fits.
 TEST(Route, TheFirstLegIsAskedForUnlessTheClearancesHoldTheBodyAllTheWay) {
   Nodes nodes;
   nodes.add({0, 0, 0}, {0, 0, 0}, 2.5), nodes.add({1, 0, 0}, {3.5, 0, 0}, 2.5);
@@ -243,8 +242,7 @@ bool segment_meets_triangle(const glm::dvec3& p, const glm::dvec3& q, const Tria
     return glm::dot(b - a, glm::cross(c - a, d - a));
   };
   if ((volume(t[0], t[1], t[2], p) > 0) == (volume(t[0], t[1], t[2], q) > 0)) return false;
-  const bool a = volume(p, q, t[0], t[1]) > 0, b = volume(p, q, t[1], t[2]) > 0,
-             c = volume(p, q, t[2], t[0]) > 0;
+  const bool a = volume(p, q, t[0], t[1]) > 0, b = volume(p, q, t[1], t[2]) > 0, c = volume(p, q, t[2], t[0]) > 0;
   return a == b && b == c;
 }
 

@@ -36,7 +36,8 @@ struct Filming {
       t.radius_m = 0.5, t.weight = weights[i];
       targets.push_back(t), ids.push_back(i + 1);
     }
-    move.viewpoint_search.keep_shot_below = -1, move.viewpoint_search.switch_margin = 0;  // no shot is good enough to be kept unweighed
+    // no shot is good enough to be kept unweighed
+    move.viewpoint_search.keep_shot_below = -1, move.viewpoint_search.switch_margin = 0;
     viewpoints.follow(ids, 6.0);
     shoot(viewpoints.offset_m(20));
   }
@@ -49,16 +50,21 @@ struct Filming {
     viewpoints.learn(i, maps.maps, center(), 0.0, 1e6, 0.1);
   }
   std::optional<size_t> choose(const std::function<bool(const glm::dvec3&)>& allowed = kAnywhere) const {
-    const ShotWish wish{.asked_m = asked_m, .present_m = present_m, .asked_place = viewpoints.nearest_viewpoint(asked_m), .former_place = former,
+    const ShotWish wish{.asked_m = asked_m,
+                        .present_m = present_m,
+                        .asked_place = viewpoints.nearest_viewpoint(asked_m),
+                        .former_place = former,
                         .take_asked_below = std::max(take_asked_below, move.viewpoint_search.keep_shot_below)};
     return choose_shot(viewpoints, targets, wish, move, allowed);
   }
 };
 
-// What a shot loses beside another one: the default weights of side, height and size, each from its free band to its limit.
+// What a shot loses beside another one: the default weights of side, height and size, each from its free band to its
+// limit.
 double departure(const glm::dvec3& from_m, const glm::dvec3& to_m) {
   const auto degrees = [](double radians) { return radians * 180 / std::acos(-1.0); };
-  const glm::dvec2 side_from = glm::normalize(glm::dvec2(from_m.x, from_m.z)), side_to = glm::normalize(glm::dvec2(to_m.x, to_m.z));
+  const glm::dvec2 side_from = glm::normalize(glm::dvec2(from_m.x, from_m.z)),
+                   side_to = glm::normalize(glm::dvec2(to_m.x, to_m.z));
   const double turn = degrees(std::acos(std::clamp(glm::dot(side_from, side_to), -1.0, 1.0)));
   const auto elevation = [&](const glm::dvec3& v) { return degrees(std::asin(v.y / glm::length(v))); };
   const double octaves = std::abs(std::log2(glm::length(to_m) / glm::length(from_m)));
@@ -154,7 +160,8 @@ TEST(Shot, OneThatIsGoodEnoughIsKeptUnweighed) {
   EXPECT_EQ(film.choose(), 186u);
   const auto weighed = film.choose([&](const glm::dvec3& offset) { return offset != film.viewpoints.offset_m(186); });
   ASSERT_TRUE(weighed && *weighed != 86);
-  EXPECT_EQ(departure(film.asked_m, film.viewpoints.offset_m(*weighed)), 0) << "the free band holds a viewpoint that sees";
+  EXPECT_EQ(departure(film.asked_m, film.viewpoints.offset_m(*weighed)), 0)
+      << "the free band holds a viewpoint that sees";
   film.look(0, {86 + kNextAzimuth, 86 - kNextAzimuth});
   EXPECT_EQ(film.choose(), 186u) << "half of what is beside it is hidden";
   film.move.viewpoint_search.keep_shot_below = 0.6;
@@ -228,8 +235,7 @@ TEST(Shot, IsTheCheapestOfAll) {
   std::set<size_t> chosen;
   for (int trial = 0; trial < 40; ++trial) {
     std::vector<double> weights;
-    for (int i = 0; i < 1 + trial % 16; ++i)
-      weights.push_back(i > 0 && i % 3 == 0 ? 0.0 : random.next_in(0.1, 2));
+    for (int i = 0; i < 1 + trial % 16; ++i) weights.push_back(i > 0 && i % 3 == 0 ? 0.0 : random.next_in(0.1, 2));
     Filming film(weights);
     film.asked_m = somewhere(), film.present_m = somewhere();
     for (size_t i = 0; i < weights.size(); ++i) {
@@ -252,7 +258,9 @@ TEST(Shot, IsTheCheapestOfAll) {
       const glm::dvec3 offset_m = film.viewpoints.offset_m(place);
       const double ahead = film.move.predictive_power;
       double cost = ((1 - ahead) * hidden + ahead * beside) / sum +
-                    film.move.keep_shot * (0.02 * glm::distance(offset_m, film.asked_m) / glm::length(film.asked_m) + departure(film.asked_m, offset_m) + 0.3 * departure(film.present_m, offset_m));
+                    film.move.keep_shot *
+                        (0.02 * glm::distance(offset_m, film.asked_m) / glm::length(film.asked_m) +
+                         departure(film.asked_m, offset_m) + 0.3 * departure(film.present_m, offset_m));
       if (place == film.former) cost -= film.move.viewpoint_search.switch_margin;
       if (cost < least - 1e-12) least = cost, best = place;
     }

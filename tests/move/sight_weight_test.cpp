@@ -92,7 +92,8 @@ TEST(SightWeight, TheHiddenShareIsAMeanByWeight) {
 TEST(SightWeight, TheSamePartOfOneTargetIsGoodEnoughHoweverManyThereAre) {
   EXPECT_EQ(good_enough_share(0.15, 1), 0.15);
   EXPECT_EQ(good_enough_share(0.15, 2), 0.15);
-  for (const double count : {2.0, 3.0, 4.0, 8.0, 32.0}) EXPECT_DOUBLE_EQ(good_enough_share(0.15, count) * count, 0.15 * 2);
+  for (const double count : {2.0, 3.0, 4.0, 8.0, 32.0})
+    EXPECT_DOUBLE_EQ(good_enough_share(0.15, count) * count, 0.15 * 2);
 }
 
 TEST(PictureLoss, OfTwoTargetsAPartOfOneIsHalfOfIt) {

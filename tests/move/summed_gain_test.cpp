@@ -48,7 +48,8 @@ TEST(SummedGain, BeginsAgainAfterAChange) {
   EXPECT_EQ(gain.sum_metre_s, 0.0);
 }
 
-// The costs of two equal courses, with errors of 1 m a step. A camera that compares them step by step changes at every second step.
+// The costs of two equal courses, with errors of 1 m a step. A camera that compares them step by step changes at every
+// second step.
 TEST(SummedGain, NoiseHardlyEverChangesTheCourse) {
   constexpr int kMinutes = 60;
   CounterRandom random(7, 0, RandomPurpose::kTest);

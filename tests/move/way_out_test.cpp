@@ -32,7 +32,8 @@ struct Block {
 };
 
 glm::dquat random_turn(CounterRandom& random) {
-  return glm::normalize(glm::dquat(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1)));
+  return glm::normalize(
+      glm::dquat(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1)));
 }
 
 class WayOutOf : public testing::Test {
@@ -40,8 +41,11 @@ class WayOutOf : public testing::Test {
   void add(const Block& block) {
     blocks_.push_back(block);
     SceneDelta delta;
-    delta.add.push_back({blocks_.size(), *store_.intern(*tessellate(BoxShape{glm::vec3(block.half)})), Pose{block.at, block.turn},
-                         glm::dmat3(1), {}});
+    delta.add.push_back({blocks_.size(),
+                         *store_.intern(*tessellate(BoxShape{glm::vec3(block.half)})),
+                         Pose{block.at, block.turn},
+                         glm::dmat3(1),
+                         {}});
     ASSERT_TRUE(mirror_.apply(delta, {}));
   }
   void add_mesh(MeshData mesh) {
@@ -62,7 +66,8 @@ class WayOutOf : public testing::Test {
   bool is_free(const glm::dvec3& p, double room_m) const {
     return std::ranges::all_of(blocks_, [&](const Block& b) { return !b.contains(p) && b.distance_m(p) >= room_m; });
   }
-  // The distance to the nearest free place, by looking at every place of a grid of `spacing_m`: too long by at most its diagonal.
+  // The distance to the nearest free place, by looking at every place of a grid of `spacing_m`: too long by at most its
+  // diagonal.
   double shortest_m(const glm::dvec3& from, double room_m, double reach_m, double spacing_m) const {
     double least_m = std::numeric_limits<double>::infinity();
     const int n = static_cast<int>(reach_m / spacing_m);
@@ -82,8 +87,8 @@ class WayOutOf : public testing::Test {
     camera.pose.position_m = at;
     double path_m = 0;
     for (int i = 0; i < 600; ++i) {
-      const SafeMove move = make_safe(camera, clamp_velocity(camera.velocity_mps, glm::dvec3(0.0), limits_, kDt), limits_, {},
-                                      gathered(camera.pose.position_m), kDt, true);
+      const SafeMove move = make_safe(camera, clamp_velocity(camera.velocity_mps, glm::dvec3(0.0), limits_, kDt),
+                                      limits_, {}, gathered(camera.pose.position_m), kDt, true);
       EXPECT_LE(glm::length(move.velocity_mps), limits_.max_speed_mps * (1 + 1e-9));
       EXPECT_LE(glm::length(move.velocity_mps - camera.velocity_mps), limits_.max_acceleration_mps2 * kDt * (1 + 1e-9));
       camera.velocity_mps = move.velocity_mps;
@@ -139,17 +144,21 @@ TEST_F(WayOutOf, WhatIsUnderARoofIsNotInsideIt) {
   EXPECT_FALSE(gathered({}).is_inside({0, 2.1, 0}));
 }
 
-// Walls from 0.1 to 0.6 m, pillars, floors and thick blocks: from any depth the camera leaves straight across the nearest face.
+// Walls from 0.1 to 0.6 m, pillars, floors and thick blocks: from any depth the camera leaves straight across the
+// nearest face.
 TEST_F(WayOutOf, ASingleBlockIsLeftAcrossItsNearestFace) {
   EmbreeDevice device;
   CounterRandom random(92, 0, RandomPurpose::kTest);
-  const std::vector<glm::dvec3> halves = {{3, 1.5, 0.05}, {3, 1.5, 0.15}, {0.3, 2, 3}, {0.2, 2, 0.2}, {5, 0.1, 5}, {1.5, 1.5, 1.5}, {2.5, 2, 3}};
+  const std::vector<glm::dvec3> halves = {{3, 1.5, 0.05}, {3, 1.5, 0.15},  {0.3, 2, 3}, {0.2, 2, 0.2},
+                                          {5, 0.1, 5},    {1.5, 1.5, 1.5}, {2.5, 2, 3}};
   for (const glm::dvec3& half : halves)
     for (int i = 0; i < 12; ++i) {
-      const Block block{{random.next_in(-2, 2), random.next_in(-2, 2), random.next_in(-2, 2)}, half,
+      const Block block{{random.next_in(-2, 2), random.next_in(-2, 2), random.next_in(-2, 2)},
+                        half,
                         i % 3 == 0 ? glm::dquat(1, 0, 0, 0) : random_turn(random)};
       add(block);
-      const glm::dvec3 deep = half * glm::dvec3(random.next_in(-0.98, 0.98), random.next_in(-0.98, 0.98), random.next_in(-0.98, 0.98));
+      const glm::dvec3 deep = half * glm::dvec3(random.next_in(-0.98, 0.98), random.next_in(-0.98, 0.98),
+                                                random.next_in(-0.98, 0.98));
       const glm::dvec3 to_face = half - glm::abs(deep);
       const double nearest_m = std::min({to_face.x, to_face.y, to_face.z});
       glm::dvec3 at = block.at + block.turn * deep;
@@ -184,7 +193,8 @@ TEST_F(WayOutOf, AmongSeveralBlocksTheWayIsNearlyTheShortest) {
   }
 }
 
-// Two walls leave a gap that is narrower than the body. The camera starts in it and leaves along it, through neither wall.
+// Two walls leave a gap that is narrower than the body. The camera starts in it and leaves along it, through neither
+// wall.
 TEST_F(WayOutOf, ANarrowGapIsLeftAlongIt) {
   add({{-0.7, 0, 0}, {0.45, 5, 2}});
   add({{0.7, 0, 0}, {0.45, 5, 2}});  // the gap is 0.5 m wide

@@ -1,5 +1,5 @@
-// What most sources include. It is precompiled for the tests, and for all sources under sanitizers and in a mutation run, since reading headers
-// is most of the time of a build.
+// What most sources include. It is precompiled for the tests, and for all sources under sanitizers and in a mutation
+// run, since reading headers is most of the time of a build.
 #pragma once
 
 #include <algorithm>

@@ -1,8 +1,8 @@
-// Linked into every test program of a mutation run: writes which mutants each test comes past, and how long it takes, to the file
-// that SIGHTLINE_REACH_REPORT names. One line a test: seconds, the test's name, the numbers of the mutants.
+// Linked into every test program of a mutation run: writes which mutants each test comes past, and how long it takes,
+// to the file that SIGHTLINE_REACH_REPORT names. One line a test: seconds, the test's name, the numbers of the mutants.
 //
-// Constants of namespaces are evaluated once, before all tests, and what SetUpTestSuite makes serves all tests of its suite. Their mutants
-// count for each test that may depend on them.
+// Constants of namespaces are evaluated once, before all tests, and what SetUpTestSuite makes serves all tests of its
+// suite. Their mutants count for each test that may depend on them.
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -38,7 +38,8 @@ class ReachListener final : public testing::EmptyTestEventListener {
 
   void OnTestEnd(const testing::TestInfo& test) override {
     if (size_ == 0) return;
-    report_ << static_cast<double>(test.result()->elapsed_time()) / 1e3 << ' ' << test.test_suite_name() << '.' << test.name();
+    report_ << static_cast<double>(test.result()->elapsed_time()) / 1e3 << ' ' << test.test_suite_name() << '.'
+            << test.name();
     for (const std::vector<size_t>& numbers : {of_program_, of_suite_, take()})
       for (const size_t number : numbers) report_ << ' ' << number;
     report_ << (test.result()->Failed() ? " failed\n" : "\n") << std::flush;

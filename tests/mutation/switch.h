@@ -1,7 +1,8 @@
-// Included first by every source that instrument.py has rewritten. All mutants of a program are compiled into it; the environment chooses
-// the one that is switched on:
+// Included first by every source that instrument.py has rewritten. All mutants of a program are compiled into it; the
+// environment chooses the one that is switched on:
 //   SIGHTLINE_MUTANT=N         mutant N is on; without it none is
-//   SIGHTLINE_REACHED=FILE     a byte for each mutant, set to 1 when the program comes past it; processes may share the file
+//   SIGHTLINE_REACHED=FILE     a byte for each mutant, set to 1 when the program comes past it; processes may share the
+//   file
 #pragma once
 #pragma GCC system_header  // a constant of another sign than its neighbour is no error here either
 

@@ -24,13 +24,16 @@ v1::CameraReply full_reply() {
   reply.set_field_of_view(0.75);
   v1::CandidateCounts& counts = *reply.mutable_candidate_counts();
   counts.set_total(24), counts.set_all_visible(7), counts.set_some_visible(8), counts.set_none_visible(9);
-  reply.set_status(v1::TRACKING_STATUS_HOLDING), reply.set_reason(v1::MOVE_REASON_ON_TRAIL), reply.set_reason_text("a sentence");
+  reply.set_status(v1::TRACKING_STATUS_HOLDING), reply.set_reason(v1::MOVE_REASON_ON_TRAIL),
+      reply.set_reason_text("a sentence");
   reply.set_cut(true), reply.set_merged_ticks(2);
   v1::StageTimes& times = *reply.mutable_stage_times();
-  times.set_queue_us(1), times.set_scene_us(2), times.set_bound_us(3), times.set_sample_us(4), times.set_aggregate_us(5), times.set_move_us(6);
+  times.set_queue_us(1), times.set_scene_us(2), times.set_bound_us(3), times.set_sample_us(4),
+      times.set_aggregate_us(5), times.set_move_us(6);
   times.set_total_us(99);
   v1::TargetVisibility& seen = *reply.add_targets();
-  seen.set_id(6), seen.set_state(v1::TARGET_STATE_PARTIAL), seen.set_visible_share(0.5), seen.set_filtered_share(0.625), seen.set_distance(8);
+  seen.set_id(6), seen.set_state(v1::TARGET_STATE_PARTIAL), seen.set_visible_share(0.5), seen.set_filtered_share(0.625),
+      seen.set_distance(8);
   for (const uint64_t id : {40, 41}) {
     v1::Occluder& occluder = *seen.add_occluders();
     occluder.set_id(id), occluder.set_share(0.01 * static_cast<double>(id));
@@ -51,11 +54,15 @@ TEST(PageReply, TheShotAndWhatWasWeighedAreInItsFrame) {
   v1::CameraReply reply = full_reply();
   EXPECT_FALSE(page_frame(reply, half_metres(), 1.5, kTargets).shot) << "a session may keep no shot";
   v1::ShotReport& shot = *reply.mutable_shot();
-  const auto term = [](v1::ShotTerm& out, double asked, double now, double deviation) { out.set_asked(asked), out.set_now(now), out.set_deviation(deviation); };
-  term(*shot.mutable_side(), 0.1, 0.2, 0.3), term(*shot.mutable_height(), 0.4, 0.5, 0.6), term(*shot.mutable_distance(), 8, 10, 0.7), term(*shot.mutable_place(), 0, 0.25, 0.8);
+  const auto term = [](v1::ShotTerm& out, double asked, double now, double deviation) {
+    out.set_asked(asked), out.set_now(now), out.set_deviation(deviation);
+  };
+  term(*shot.mutable_side(), 0.1, 0.2, 0.3), term(*shot.mutable_height(), 0.4, 0.5, 0.6),
+      term(*shot.mutable_distance(), 8, 10, 0.7), term(*shot.mutable_place(), 0, 0.25, 0.8);
   shot.set_sight_loss(0.15), shot.set_worth(0.35);
   shot.mutable_position()->set_x(6);
-  shot.mutable_next_obstruction()->set_target(5), shot.mutable_next_obstruction()->set_hidden_by(40), shot.mutable_next_obstruction()->set_in_s(0.9);
+  shot.mutable_next_obstruction()->set_target(5), shot.mutable_next_obstruction()->set_hidden_by(40),
+      shot.mutable_next_obstruction()->set_in_s(0.9);
   reply.mutable_courses()->set_taken(v1::COURSE_FAR_WAY);
   reply.mutable_courses()->set_stay_loss(0.45);
   const PageShot got = page_frame(reply, half_metres(), 1.5, kTargets).shot.value();

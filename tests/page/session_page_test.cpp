@@ -185,9 +185,8 @@ TEST(SessionPage, EqualMeshesAreStoredOnceAndComeBackWithinAStep) {
   for (size_t v = 0; v < geometry.positions.size(); ++v)
     for (size_t axis = 0; axis < 3; ++axis) {
       const float step = mesh.at("step")[axis];
-      const float value =
-          mesh.at("low")[axis].get<float>() +
-          step * static_cast<float>(positions[3 * (mesh.at("first_vertex").get<size_t>() + v) + axis]);
+      const float value = mesh.at("low")[axis].get<float>() +
+                          step * static_cast<float>(positions[3 * (mesh.at("first_vertex").get<size_t>() + v) + axis]);
       EXPECT_NEAR(value, geometry.positions[v][static_cast<int>(axis)], 0.51f * step);
     }
   int32_t index = 0;
@@ -233,14 +232,17 @@ TEST(SessionPage, TransformsOfInstancesComeBackColumnByColumn) {
   const ReadPage page = read_page(session_of(1));
   const auto transforms = page.array<float>("instance_transforms", "f32");
   ASSERT_EQ(transforms.size(), 3u * 12);
-  EXPECT_THAT(std::vector<float>(transforms.begin(), transforms.begin() + 12), ElementsAre(1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0));
-  EXPECT_THAT(std::vector<float>(transforms.begin() + 12, transforms.begin() + 24), ElementsAre(1, 0, 0, 0, 2, 0, 0, 0, 1, 5, 0, 0));
+  EXPECT_THAT(std::vector<float>(transforms.begin(), transforms.begin() + 12),
+              ElementsAre(1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0));
+  EXPECT_THAT(std::vector<float>(transforms.begin() + 12, transforms.begin() + 24),
+              ElementsAre(1, 0, 0, 0, 2, 0, 0, 0, 1, 5, 0, 0));
 }
 
 TEST(SessionPage, NumbersOfAFrameComeBackAsTheyWere) {
   SessionPage session = session_of(2);
   PageFrame& frame = session.frames[1];
-  frame.velocity_mps = {1, 2, 3}, frame.merged_ticks = 4, frame.queue_us = 5, frame.latency_ms = 6, frame.clearance_m = 7;
+  frame.velocity_mps = {1, 2, 3}, frame.merged_ticks = 4, frame.queue_us = 5, frame.latency_ms = 6,
+  frame.clearance_m = 7;
   frame.text = "words", frame.reason = "ON_TRAIL";
   const ReadPage page = read_page(session);
   EXPECT_THAT(page.array<double>("sequence", "f64"), ElementsAre(1, 2));

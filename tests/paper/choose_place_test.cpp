@@ -79,8 +79,9 @@ TEST(Choose, AgreesWithBruteForceOnRandomSets) {
   }
 }
 
-// Searching outwards from the desired position must find the same candidate as trying all of them. The random sets have runs and single
-// candidates, optional targets, targets without weight, limits, predictions, ties, and candidates that cannot be reached.
+// Searching outwards from the desired position must find the same candidate as trying all of them. The random sets have
+// runs and single candidates, optional targets, targets without weight, limits, predictions, ties, and candidates that
+// cannot be reached.
 TEST(Choose, SearchingOutwardsFindsWhatTryingAllFinds) {
   CounterRandom random(64, 0, RandomPurpose::kTest);
   std::array<int, 4> reasons{};
@@ -103,7 +104,8 @@ TEST(Choose, SearchingOutwardsFindsWhatTryingAllFinds) {
       c.candidates.position_m.push_back({random.next_in(-3, 3), random.next_in(-1, 3), random.next_in(1, 7)});
     const double seen = random.next_unit();
     for (size_t i = 0; i < c.candidates.size(); ++i)
-      c.candidates.visible_targets.push_back(random.next_unit() < seen ? 0b111u : random.next_below(trial % 6 == 0 ? 1 : 8));
+      c.candidates.visible_targets.push_back(random.next_unit() < seen ? 0b111u
+                                                                       : random.next_below(trial % 6 == 0 ? 1 : 8));
     if (trial % 3 == 0)
       for (size_t i = 0; i < c.candidates.size(); ++i) c.candidates.ahead_targets.push_back(random.next_below(8));
     c.ahead_weight = trial % 3 == 0 ? random.next_unit() : 0.0;
@@ -116,11 +118,15 @@ TEST(Choose, SearchingOutwardsFindsWhatTryingAllFinds) {
       return 0.5 + 0.5 * noise >= blocked;
     };
     const Choice over_all = c.choose(reachable),
-                 outwards = choose_basic(c.candidates, c.targets, c.desired, c.ahead_weight, c.settings, reachable, c.scratch);
+                 outwards = choose_basic(c.candidates, c.targets, c.desired, c.ahead_weight, c.settings, reachable,
+                                         c.scratch);
     ASSERT_EQ(outwards.candidate, over_all.candidate) << trial;
     ASSERT_EQ(outwards.status, over_all.status);
     ASSERT_EQ(outwards.reason, over_all.reason);
-    ++reasons[outwards.status == MoveStatus::kTracking ? 0 : outwards.status == MoveStatus::kPartial ? 1 : outwards.candidate < 0 ? 2 : 3];
+    ++reasons[outwards.status == MoveStatus::kTracking  ? 0
+              : outwards.status == MoveStatus::kPartial ? 1
+              : outwards.candidate < 0                  ? 2
+                                                        : 3];
   }
   for (int k = 0; k < 4; ++k) EXPECT_GT(reasons[static_cast<size_t>(k)], 20) << k;
 }
@@ -134,8 +140,7 @@ TEST(Choose, SkipsCandidatesThatTheBodyCannotReach) {
 
 TEST(Choose, FallsToTheBestPartialRequiredBeforeOptional) {
   Case c;
-  c.targets = {target_at({-1, 0, 0}, 1.0, true), target_at({1, 0, 0}, 100.0, false),
-               target_at({0, 0, 0}, 1.0, true)};
+  c.targets = {target_at({-1, 0, 0}, 1.0, true), target_at({1, 0, 0}, 100.0, false), target_at({0, 0, 0}, 1.0, true)};
   c.place({0, 0, 5}, 0b010);  // sees the heavy optional one alone, and is the desired position
   c.place({0, 0, 6}, 0b001);  // sees one required target
   c.place({0, 0, 7}, 0b011);  // sees one required target and the optional one

@@ -47,16 +47,13 @@ Grid random_grid(uint64_t seed) {
   CounterRandom random(seed, 0, RandomPurpose::kTest);
   const double kept = random.next_in(0.5, 1.0), member = random.next_in(0.1, 0.95);
   const int side = 2 + static_cast<int>(random.next_below(9));
-  const glm::ivec3 corner(static_cast<int>(random.next_below(2000)) - 1000, -3,
-                          static_cast<int>(random.next_below(9)));
+  const glm::ivec3 corner(static_cast<int>(random.next_below(2000)) - 1000, -3, static_cast<int>(random.next_below(9)));
   std::vector<std::pair<glm::ivec3, bool>> all;
   for (int z = 0; z < side; ++z)
     for (int y = 0; y < side; ++y)
       for (int x = 0; x < side; ++x)
-        if (random.next_unit() < kept)
-          all.push_back({corner + glm::ivec3(x, y, z), random.next_unit() < member});
-  for (size_t i = all.size(); i > 1; --i)
-    std::swap(all[i - 1], all[random.next_below(static_cast<uint32_t>(i))]);
+        if (random.next_unit() < kept) all.push_back({corner + glm::ivec3(x, y, z), random.next_unit() < member});
+  for (size_t i = all.size(); i > 1; --i) std::swap(all[i - 1], all[random.next_below(static_cast<uint32_t>(i))]);
   Grid grid;
   for (const auto& [cell, is_member] : all) grid.add(cell, is_member);
   grid.desired = glm::dvec3(corner) * 0.25 +
@@ -72,7 +69,8 @@ struct UnionFind {
     for (size_t a = 0; a < parent.size(); ++a)
       for (size_t b = 0; b < a; ++b) {
         const glm::ivec3 d = glm::abs(grid.cells[a] - grid.cells[b]);
-        const bool beside = grid.neighbours == Neighbours::kFaces ? d.x + d.y + d.z == 1 : std::max({d.x, d.y, d.z}) == 1;
+        const bool beside = grid.neighbours == Neighbours::kFaces ? d.x + d.y + d.z == 1
+                                                                  : std::max({d.x, d.y, d.z}) == 1;
         if (grid.members[a] && grid.members[b] && beside) parent[root(a)] = root(b);
       }
   }
@@ -98,8 +96,7 @@ TEST(Groups, AreThoseOfUnionFindOnRandomSets) {
       const auto [it, fresh] = group_of_root.emplace(reference.root(i), found.group_of[i]);
       ASSERT_EQ(it->second, found.group_of[i]) << "seed " << seed << " candidate " << i;
     }
-    ASSERT_EQ(group_of_root.size(), found.size_cells.size())
-        << "two groups are one, or one is two: seed " << seed;
+    ASSERT_EQ(group_of_root.size(), found.size_cells.size()) << "two groups are one, or one is two: seed " << seed;
     for (const auto& [root, group] : group_of_root) ASSERT_EQ(size_of_root[root], found.size_cells[group]);
   }
 }
@@ -137,8 +134,7 @@ TEST(Groups, ALargerGroupWinsOverANearerOne) {
 
 TEST(Groups, TouchingAtAnEdgeOrACornerConnectsOnlyWhereAskedFor) {
   Grid grid;
-  for (const glm::ivec3 c : {glm::ivec3(0, 0, 0), glm::ivec3(1, 1, 0), glm::ivec3(2, 2, 1)})
-    grid.add(c, true);
+  for (const glm::ivec3 c : {glm::ivec3(0, 0, 0), glm::ivec3(1, 1, 0), glm::ivec3(2, 2, 1)}) grid.add(c, true);
   EXPECT_EQ(grid.find().size_cells.size(), 3u);
   grid.neighbours = Neighbours::kTouching;
   EXPECT_EQ(grid.find().size_cells.size(), 1u);
@@ -152,8 +148,7 @@ TEST(Groups, APlaceOffTheGridSharesItsCellsGroupOnlyWhenBothAreMembers) {
   const Groups& g = grid.find();
   EXPECT_EQ(g.group_of[on_grid], g.largest);
   EXPECT_EQ(g.group_of[on_grid + 1], kNoGroup);
-  EXPECT_EQ(g.group_of[on_grid + 2], kNoGroup)
-      << "its cell is hidden, so it is not known to hang together with any";
+  EXPECT_EQ(g.group_of[on_grid + 2], kNoGroup) << "its cell is hidden, so it is not known to hang together with any";
   EXPECT_EQ(g.size_cells[g.largest], 100u) << "cells are counted, not candidates";
 }
 

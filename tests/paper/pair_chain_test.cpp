@@ -109,8 +109,10 @@ TEST(PairChain, ThereIsOneExactlyWhenPairsConnectAllTargets) {
     for (size_t i = 1; i < n; ++i) {
       const glm::dvec3 to_center = layout.bound.center_m - layout.points[0];
       const double where = random.next_unit();
-      if (where < 0.4) layout.points[i] = layout.points[0] + (where < 0.2 ? glm::dvec3(0) : where * to_center);
-      else if (where < 0.5) layout.points[i] = layout.bound.center_m + random_vector(random, 0.1);
+      if (where < 0.4)
+        layout.points[i] = layout.points[0] + (where < 0.2 ? glm::dvec3(0) : where * to_center);
+      else if (where < 0.5)
+        layout.points[i] = layout.bound.center_m + random_vector(random, 0.1);
     }
     PairChain chain;
     const PairGap gap = make_pair_chain(layout.points, layout.bound, kResolution, kMiddle, chain);
@@ -140,8 +142,7 @@ struct Box {
 
 // The distance along origin + t direction to the nearest box, by the slab method, with each box grown by `margin` on
 // all sides. Infinity when no box is hit.
-double first_box(const std::vector<Box>& boxes, const glm::dvec3& origin, const glm::dvec3& direction,
-                 double margin) {
+double first_box(const std::vector<Box>& boxes, const glm::dvec3& origin, const glm::dvec3& direction, double margin) {
   double nearest = std::numeric_limits<double>::infinity();
   for (const Box& box : boxes) {
     double enter = 0, leave = nearest;
@@ -179,8 +180,10 @@ std::optional<glm::ivec2> texel_of(const MapView& view, const glm::dvec3& place)
       const double across = glm::dot(apart, view.world_from_view[0]) / (view.right - view.left) * view.width;
       const double along = glm::dot(apart, view.world_from_view[1]) / (view.top - view.bottom) * view.height;
       const double distance = std::hypot(across, along);
-      if (distance < least) second = least, least = distance, nearest = {x, y};
-      else second = std::min(second, distance);
+      if (distance < least)
+        second = least, least = distance, nearest = {x, y};
+      else
+        second = std::min(second, distance);
     }
   if (second - least < 1e-6) return std::nullopt;
   return nearest;
@@ -210,8 +213,7 @@ void fill(Scene& scene, CounterRandom& random, const Layout& layout) {
   ASSERT_TRUE(scene.mirror.apply(delta, {}));
 }
 
-std::vector<DepthMap> take_maps(const Scene& scene, const PairChain& chain, size_t targets,
-                                const glm::dvec2& jitter) {
+std::vector<DepthMap> take_maps(const Scene& scene, const PairChain& chain, size_t targets, const glm::dvec2& jitter) {
   std::vector<MapRequest> requests;
   for (uint32_t i = 0; i < targets; ++i) requests.push_back({.view = chain_view(chain, i, jitter)});
   std::vector<DepthMap> maps;
@@ -221,7 +223,8 @@ std::vector<DepthMap> take_maps(const Scene& scene, const PairChain& chain, size
 
 class PairChainOf : public testing::TestWithParam<int> {};
 
-// The two targets of the first volume are judged by straight lines; every other one by the ray that passes nearest to the candidate.
+// The two targets of the first volume are judged by straight lines; every other one by the ray that passes nearest to
+// the candidate.
 TEST_P(PairChainOf, SaysOfEveryCandidateWhatRaysSay) {
   const size_t n = GetParam();
   CounterRandom random(42, n, RandomPurpose::kTest);
@@ -247,8 +250,8 @@ TEST_P(PairChainOf, SaysOfEveryCandidateWhatRaysSay) {
         EXPECT_LT(glm::distance(maps[target].view.eye_m, eye), 1e-9);
         const bool exact = target == 0 || target == chain.links[0].to;
         const auto texel = texel_of(maps[target].view, place);
-        const glm::dvec3 direction =
-            exact || !texel ? place - eye : texel_direction(maps[target].view, texel->x, texel->y);
+        const glm::dvec3 direction = exact || !texel ? place - eye
+                                                     : texel_direction(maps[target].view, texel->x, texel->y);
         // As far along that ray as the candidate is deep.
         const glm::dvec3 axis = -maps[target].view.world_from_view[2];
         const double depth = glm::dot(place - eye, axis) / glm::dot(direction, axis);
@@ -304,9 +307,9 @@ TEST(PairChain, AgreesWithTheGeneralOperatorOverTheSameMaps) {
   }
 }
 
-// Figure 2: "the rendering from object B is performed only once and resampled for use by both visibility volumes". In the basis of
-// V_BC a candidate of V_AB has a column and a row of B. The ray through them, looked up in the map that was taken for V_AB, falls into the
-// same texel that V_AB compared.
+// Figure 2: "the rendering from object B is performed only once and resampled for use by both visibility volumes". In
+// the basis of V_BC a candidate of V_AB has a column and a row of B. The ray through them, looked up in the map that
+// was taken for V_AB, falls into the same texel that V_AB compared.
 TEST(PairChain, TheSecondVolumeFindsTheFirstOnesAnswerInTheSharedPicture) {
   CounterRandom random(44, 0, RandomPurpose::kTest);
   int candidates_seen = 0, candidates_hidden = 0;
@@ -367,7 +370,8 @@ TEST(PairChain, OfTwoTargetsIsTheirPairVolume) {
       ASSERT_LT(i, candidates.size());
       EXPECT_EQ(candidates.position_m[i], point);
       EXPECT_EQ(texels[i], uvw);
-      const bool sees_a = glm::distance(point, layout.points[0]) <= maps[0].distance_at(kResolution - 1 - uvw.z, uvw.y) * (1 + kBias);
+      const bool sees_a = glm::distance(point, layout.points[0]) <=
+                          maps[0].distance_at(kResolution - 1 - uvw.z, uvw.y) * (1 + kBias);
       const bool sees_b = glm::distance(point, layout.points[1]) <= maps[1].distance_at(uvw.x, uvw.y) * (1 + kBias);
       EXPECT_EQ(candidates.visible_targets[i], (sees_a ? 1u : 0u) | (sees_b ? 2u : 0u));
       ++i;
@@ -379,7 +383,8 @@ TEST(PairChain, OfTwoTargetsIsTheirPairVolume) {
 
 // A candidate of the first volume that is not in the window of a third target cannot be expressed in the second one.
 TEST(PairChain, DropsCandidatesOutsideALaterVolume) {
-  // The line from the second target to the third passes through the ball, so their volume covers the part on one side of it only.
+  // The line from the second target to the third passes through the ball, so their volume covers the part on one side
+  // of it only.
   const std::vector<glm::dvec3> points = {{-3, 0, 0}, {3, 0, 0}, {3, 0.4, 12}};
   const Bound bound = ball({2.5, 0.3, 6}, 1.0);
   PairChain chain;

@@ -22,8 +22,8 @@ struct Past {
   double bias = 0;
 };
 
-// Whether a target was seen from a point in an earlier step: the plain rule, in the basis of the maps themselves. Nothing if the point is
-// outside what the volumes of that step show.
+// Whether a target was seen from a point in an earlier step: the plain rule, in the basis of the maps themselves.
+// Nothing if the point is outside what the volumes of that step show.
 std::optional<std::vector<bool>> seen_then(const Past& past, const glm::dvec3& point) {
   if (!past.pair) return std::nullopt;
   for (const ChainLink& link : past.chain.links) {
@@ -36,15 +36,16 @@ std::optional<std::vector<bool>> seen_then(const Past& past, const glm::dvec3& p
   std::vector<bool> seen;
   for (const DepthMap& map : past.maps) {
     const MapPoint at = project(map.view, point);
-    const int x = nearest_ray(at.x, map.view.jitter.x, map.view.width), y = nearest_ray(at.y, map.view.jitter.y, map.view.height);
+    const int x = nearest_ray(at.x, map.view.jitter.x, map.view.width),
+              y = nearest_ray(at.y, map.view.jitter.y, map.view.height);
     seen.push_back(at.depth_m <= map.depth_at(x, y) * (1 + past.bias));
   }
   return seen;
 }
 
 // The paper's filter as printed, over states that are sets of ids. The newest step is what is seen now.
-std::vector<bool> plain_filter(const std::deque<Past>& pasts, const glm::dvec3& point, uint32_t now, const std::vector<uint64_t>& ids,
-                               uint32_t steered, int n, double alpha) {
+std::vector<bool> plain_filter(const std::deque<Past>& pasts, const glm::dvec3& point, uint32_t now,
+                               const std::vector<uint64_t>& ids, uint32_t steered, int n, double alpha) {
   struct Count {
     int times = 0, newest = 0;
   };
@@ -100,15 +101,18 @@ struct Walk {
     camera += random_vector(random, 0.2);
     for (glm::dvec3& target : targets) target += random_vector(random, 0.1);
     if (random.next_unit() < 0.05) {  // another target, or the list turned round
-      if (random.next_unit() < 0.5) ids.back() = next_id++, targets.back() = random_vector(random, 2);
-      else std::reverse(ids.begin(), ids.end()), std::reverse(targets.begin(), targets.end());
+      if (random.next_unit() < 0.5)
+        ids.back() = next_id++, targets.back() = random_vector(random, 2);
+      else
+        std::reverse(ids.begin(), ids.end()), std::reverse(targets.begin(), targets.end());
     }
   }
   // Depths about as far as the ball, and often nothing at all.
   Past look() {
     Past past;
     const Bound bound = ball(camera, 1.0);
-    const glm::dvec2 jitter = random.next_unit() < 0.5 ? glm::dvec2(0.5) : glm::dvec2(random.next_unit(), random.next_unit());
+    const glm::dvec2 jitter = random.next_unit() < 0.5 ? glm::dvec2(0.5)
+                                                       : glm::dvec2(random.next_unit(), random.next_unit());
     past.ids = ids;
     past.bias = 0.001;
     past.pair = random.next_unit() < 0.9 && make_pair_chain(targets, bound, 7, jitter, past.chain) == PairGap::kNone;
@@ -117,7 +121,8 @@ struct Walk {
       DepthMap map{chain_view(past.chain, i, jitter), std::vector<float>(49), std::vector<uint32_t>(49, 0)};
       const double far = glm::distance(targets[i], camera);
       for (float& distance : map.distance_m)
-        distance = random.next_unit() < 0.4 ? std::numeric_limits<float>::infinity() : static_cast<float>(random.next_in(0.7 * far, 1.4 * far));
+        distance = random.next_unit() < 0.4 ? std::numeric_limits<float>::infinity()
+                                            : static_cast<float>(random.next_in(0.7 * far, 1.4 * far));
       past.maps.push_back(std::move(map));
     }
     return past;
@@ -156,8 +161,11 @@ TEST_P(PairHistoryOf, FiltersAsAPlainOneThatKeepsAllVolumes) {
     history.filter(places, candidates.visible_targets, walk.ids, steered, settings, filtered);
     ASSERT_EQ(filtered.size(), places.size());
     for (size_t i = 0; i < places.size(); ++i) {
-      const auto expected = plain_filter(pasts, places[i], candidates.visible_targets[i], walk.ids, steered, settings.n, settings.alpha);
-      for (size_t t = 0; t < count; ++t) ASSERT_EQ((filtered[i] >> t & 1u) != 0, expected[t]) << "step " << step << " candidate " << i << " target " << t;
+      const auto expected = plain_filter(pasts, places[i], candidates.visible_targets[i], walk.ids, steered, settings.n,
+                                         settings.alpha);
+      for (size_t t = 0; t < count; ++t)
+        ASSERT_EQ((filtered[i] >> t & 1u) != 0, expected[t])
+            << "step " << step << " candidate " << i << " target " << t;
       changed += filtered[i] != candidates.visible_targets[i];
       ++compared;
       for (size_t k = 1; k < pasts.size(); ++k) out_of_bounds += pasts[k].pair && !seen_then(pasts[k], places[i]);

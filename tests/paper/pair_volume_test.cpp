@@ -20,8 +20,8 @@ struct Configuration {
   Bound bound;
 };
 
-// Random among those that have a volume: targets 0.02 to 9 m apart, the ball anywhere around, larger or smaller than what parts them: frontal, over the
-// shoulder, between the targets.
+// Random among those that have a volume: targets 0.02 to 9 m apart, the ball anywhere around, larger or smaller than
+// what parts them: frontal, over the shoulder, between the targets.
 Configuration random_pair(CounterRandom& random) {
   for (;;) {
     Configuration c;
@@ -39,7 +39,8 @@ bool shows_whole_ball(const PairVolume& volume, const Bound& bound) {
     const double dx = center.x - x0;
     return std::abs(std::atan2(dx, center.z)) + std::asin(std::min(1.0, bound.radius_m / std::hypot(dx, center.z)));
   };
-  return std::max({widest(0), widest(volume.length_m), std::asin(std::min(1.0, bound.radius_m / center.z))}) < kWidestRad;
+  return std::max({widest(0), widest(volume.length_m), std::asin(std::min(1.0, bound.radius_m / center.z))}) <
+         kWidestRad;
 }
 
 double distance_to_line(const glm::dvec3& p, const glm::dvec3& from, const glm::dvec3& direction) {
@@ -60,8 +61,8 @@ TEST(PairVolume, RaysOfEqualRowsMeetAtTheClosedFormPoint) {
     const PairVolume volume = make_pair_volume(c.a, c.b, c.bound, 7);
     const auto views = pair_views(volume, {0.5, 0.5});
     const int xa = random.next_below(7), xb = random.next_below(7), y = random.next_below(7);
-    const glm::dvec3 point =
-        meet(volume, column_of_a(volume, xa + 0.5), column_of_b(volume, xb + 0.5), row(volume, y + 0.5));
+    const glm::dvec3 point = meet(volume, column_of_a(volume, xa + 0.5), column_of_b(volume, xb + 0.5),
+                                  row(volume, y + 0.5));
     // Checked against the two rays that the maps define, not against the formula.
     const double scale = glm::distance(point, c.a) + glm::distance(point, c.b);
     EXPECT_LT(distance_to_line(point, c.a, texel_direction(views[0], xa, y)), 1e-6 * scale);
@@ -113,7 +114,8 @@ TEST(PairVolume, WindowsAreTightAroundTheBall) {
     for (int i = 0; i < 200000; ++i) {
       const glm::dvec3 p = c.bound.center_m + glm::normalize(random_vector(random, 1)) * c.bound.radius_m;
       const PairCoordinates at = pair_coordinates(volume, p);
-      of_a = std::max(of_a, std::abs(at.xa - center.xa)), of_b = std::max(of_b, std::abs(at.xb - center.xb)), top = std::max(top, at.y);
+      of_a = std::max(of_a, std::abs(at.xa - center.xa)), of_b = std::max(of_b, std::abs(at.xb - center.xb)),
+      top = std::max(top, at.y);
     }
     EXPECT_NEAR(center.xa, (volume.xa_min + volume.xa_max) / 2, 1e-9 * (volume.xa_max - volume.xa_min));
     EXPECT_NEAR(center.xb, (volume.xb_min + volume.xb_max) / 2, 1e-9 * (volume.xb_max - volume.xb_min));
@@ -123,10 +125,13 @@ TEST(PairVolume, WindowsAreTightAroundTheBall) {
   }
 }
 
-// Where a ray from A and a ray from B come nearest to each other, if that is in front of both, by the general formula for two lines.
-std::optional<glm::dvec3> nearest_meeting(const glm::dvec3& a, const glm::dvec3& da, const glm::dvec3& b, const glm::dvec3& db, double& apart) {
+// Where a ray from A and a ray from B come nearest to each other, if that is in front of both, by the general formula
+// for two lines.
+std::optional<glm::dvec3> nearest_meeting(const glm::dvec3& a, const glm::dvec3& da, const glm::dvec3& b,
+                                          const glm::dvec3& db, double& apart) {
   const glm::dvec3 w = a - b;
-  const double aa = glm::dot(da, da), ab = glm::dot(da, db), bb = glm::dot(db, db), aw = glm::dot(da, w), bw = glm::dot(db, w);
+  const double aa = glm::dot(da, da), ab = glm::dot(da, db), bb = glm::dot(db, db), aw = glm::dot(da, w),
+               bw = glm::dot(db, w);
   const double den = aa * bb - ab * ab;
   if (den < 1e-14 * aa * bb) return std::nullopt;  // parallel
   const double s = (ab * bw - bb * aw) / den, t = (aa * bw - ab * aw) / den;
@@ -136,7 +141,8 @@ std::optional<glm::dvec3> nearest_meeting(const glm::dvec3& a, const glm::dvec3&
   return (on_a + on_b) / 2.0;
 }
 
-// The candidates are exactly the points in the ball where any ray of A meets any ray of B, found among all r^4 pairs of rays.
+// The candidates are exactly the points in the ball where any ray of A meets any ray of B, found among all r^4 pairs of
+// rays.
 TEST(PairVolume, CandidatesAreWhereRaysMeetByBruteForce) {
   CounterRandom random(15, 0, RandomPurpose::kTest);
   int complete = 0, incomplete = 0, edges = 0;
@@ -154,7 +160,8 @@ TEST(PairVolume, CandidatesAreWhereRaysMeetByBruteForce) {
         for (int yb = 0; yb < r; ++yb)
           for (int xb = 0; xb < r; ++xb) {
             double apart = 0;
-            const auto at = nearest_meeting(c.a, texel_direction(views[0], xa, ya), c.b, texel_direction(views[1], xb, yb), apart);
+            const auto at = nearest_meeting(c.a, texel_direction(views[0], xa, ya), c.b,
+                                            texel_direction(views[1], xb, yb), apart);
             if (!at || apart > 1e-7 * (1 + glm::distance(*at, c.a))) continue;
             EXPECT_EQ(ya, yb) << "only rays of equal rows meet";
             near_edge |= std::abs(glm::distance(*at, c.bound.center_m) - c.bound.radius_m) < 1e-6;
@@ -165,7 +172,9 @@ TEST(PairVolume, CandidatesAreWhereRaysMeetByBruteForce) {
       continue;
     }
     std::vector<std::pair<glm::ivec3, glm::dvec3>> found;
-    for_each_meeting(volume, c.bound, jitter, [&](const glm::ivec3& texels, const glm::dvec3& point) { found.push_back({texels, point}); });
+    for_each_meeting(volume, c.bound, jitter, [&](const glm::ivec3& texels, const glm::dvec3& point) {
+      found.push_back({texels, point});
+    });
     const auto before = [](const auto& x, const auto& y) {
       return std::tie(x.first.x, x.first.y, x.first.z) < std::tie(y.first.x, y.first.y, y.first.z);
     };

@@ -1,7 +1,7 @@
 // Files that were cut, damaged or made to do harm. The answer is an error, or a part with a count of what is missing;
 // never a crash, and never memory without bound.
-#include <lz4frame.h>
 #include <gtest/gtest.h>
+#include <lz4frame.h>
 #include <zstd.h>
 
 #include <algorithm>
@@ -74,12 +74,10 @@ TEST(McapHostile, EveryTruncationGivesTheWholeChunksBeforeIt) {
     size_t expected = 0;
     for (const mcap::ChunkIndex& chunk : chunks)
       if (chunk.chunk_start + chunk.chunk_length <= size)
-        expected +=
-            static_cast<size_t>(std::count_if(file.messages.begin(), file.messages.end(), [&](const auto& m) {
-              return m.log_time_ns >= chunk.start_time_ns && m.log_time_ns <= chunk.end_time_ns;
-            }));
-    const std::vector<PlainMessage> first(file.messages.begin(),
-                                          file.messages.begin() + static_cast<long>(expected));
+        expected += static_cast<size_t>(std::count_if(file.messages.begin(), file.messages.end(), [&](const auto& m) {
+          return m.log_time_ns >= chunk.start_time_ns && m.log_time_ns <= chunk.end_time_ns;
+        }));
+    const std::vector<PlainMessage> first(file.messages.begin(), file.messages.begin() + static_cast<long>(expected));
     EXPECT_EQ(readings.opened, size >= mcap::kMagic.size()) << size;
     EXPECT_EQ(readings.messages, first) << size;
     EXPECT_EQ(readings.troubles > 0, readings.opened) << size;
@@ -104,8 +102,7 @@ TEST(McapHostile, TenThousandDamagesGiveAPartOfTheTruth) {
 
     const Readings readings = read_every_way(damaged);
     EXPECT_TRUE(is_part_of(readings.messages, file.messages)) << "damage " << i;
-    if (readings.opened && readings.messages.size() < file.messages.size() && readings.troubles == 0)
-      ++silent;
+    if (readings.opened && readings.messages.size() < file.messages.size() && readings.troubles == 0) ++silent;
     const auto kept = recovered(damaged);
     EXPECT_TRUE(is_part_of(kept, file.messages)) << "damage " << i;
     recovered_messages += kept.size();
@@ -116,10 +113,9 @@ TEST(McapHostile, TenThousandDamagesGiveAPartOfTheTruth) {
 }
 
 uint64_t messages_of(const test::SmallFile& file, const mcap::ChunkIndex& chunk) {
-  return static_cast<uint64_t>(
-      std::count_if(file.messages.begin(), file.messages.end(), [&](const PlainMessage& m) {
-        return m.log_time_ns >= chunk.start_time_ns && m.log_time_ns <= chunk.end_time_ns;
-      }));
+  return static_cast<uint64_t>(std::count_if(file.messages.begin(), file.messages.end(), [&](const PlainMessage& m) {
+    return m.log_time_ns >= chunk.start_time_ns && m.log_time_ns <= chunk.end_time_ns;
+  }));
 }
 
 TEST(McapHostile, DamageInOneChunkCostsThatChunkAndSaysHowMuch) {
@@ -146,7 +142,8 @@ void first_chunk_is_lost_alone(void (*damage)(std::string& bytes, size_t middle)
   const test::SmallFile file = test::make_small_file();
   const MemorySource whole(file.bytes);
   const mcap::ChunkIndex first = McapReader::open(whole, {}).value().info().chunks.at(0);
-  const std::vector<PlainMessage> later(file.messages.begin() + static_cast<long>(messages_of(file, first)), file.messages.end());
+  const std::vector<PlainMessage> later(file.messages.begin() + static_cast<long>(messages_of(file, first)),
+                                        file.messages.end());
   std::string damaged = file.bytes;
   damage(damaged, first.chunk_start + first.chunk_length / 2);
   EXPECT_EQ(read_every_way(damaged).messages, later);
@@ -218,9 +215,11 @@ TEST(McapHostile, AnIndexOfOverlappingChunksIsNotUsed) {
     std::copy_n(bytes.data() + at, 8, reinterpret_cast<char*>(&value));
     return value;
   };
-  const auto put = [&](size_t at, uint64_t value) { std::copy_n(reinterpret_cast<const char*>(&value), 8, bytes.data() + at); };
-  // As the specification lays a file out: the footer's 20 bytes and the magic are its end, a record is an opcode, a length and its content,
-  // and a chunk index (8) begins with two times, the place and the length of its chunk.
+  const auto put = [&](size_t at, uint64_t value) {
+    std::copy_n(reinterpret_cast<const char*>(&value), 8, bytes.data() + at);
+  };
+  // As the specification lays a file out: the footer's 20 bytes and the magic are its end, a record is an opcode, a
+  // length and its content, and a chunk index (8) begins with two times, the place and the length of its chunk.
   const size_t footer = bytes.size() - 8 - 20;
   size_t changed = 0;
   for (size_t at = number(footer); at < footer - 9; at += 9 + number(at + 1)) {
@@ -312,7 +311,8 @@ TEST(McapHostile, ManyBombsTogetherAreRefusedWholeByEveryReader) {
     ASSERT_LT(bytes.size(), 1'000'000u);
     const MemorySource source(bytes);
     MemorySink copy;
-    for (const Error& error : {McapReader::open(source, {}).error(), verify_mcap(source, {}).error(), recover_mcap(source, copy, {}, {}).error()}) {
+    for (const Error& error : {McapReader::open(source, {}).error(), verify_mcap(source, {}).error(),
+                               recover_mcap(source, copy, {}, {}).error()}) {
       EXPECT_EQ(error.code, ErrorCode::kResourceExhausted);
       EXPECT_NE(error.message.find("unpack to more than"), std::string::npos) << error.message;
     }
@@ -370,9 +370,14 @@ TEST(McapHostile, Lz4GivesWhatTheChunkDeclaresAndNoMore) {
   EXPECT_EQ(unpacker.unpack({0, 0, raw.size(), mcap::crc32_of(raw), "lz4", packed}).value(), raw);
   // Two frames, one behind the other.
   EXPECT_EQ(unpacker.unpack({0, 0, 6, 0, "lz4", lz4_of("abc") + lz4_of("def")}).value(), "abcdef");
-  for (const auto& [records, declared] : std::vector<std::pair<std::string, uint64_t>>{
-           {packed, raw.size() - 1}, {packed, 10}, {packed, 0}, {packed.substr(0, packed.size() / 2), raw.size()},
-           {packed + "garbage", raw.size()}, {"abc", 3}, {"", 3}}) {
+  for (const auto& [records, declared] :
+       std::vector<std::pair<std::string, uint64_t>>{{packed, raw.size() - 1},
+                                                     {packed, 10},
+                                                     {packed, 0},
+                                                     {packed.substr(0, packed.size() / 2), raw.size()},
+                                                     {packed + "garbage", raw.size()},
+                                                     {"abc", 3},
+                                                     {"", 3}}) {
     const auto unpacked = unpacker.unpack({0, 0, declared, 0, "lz4", records});
     ASSERT_FALSE(unpacked) << records.size() << ' ' << declared;
     EXPECT_EQ(unpacked.error().code, ErrorCode::kDataLoss);
@@ -406,8 +411,7 @@ TEST(McapHostile, MemoryStaysBoundedWhenTheSameSchemaBombComesAgainAndAgain) {
   uint16_t id = 1;
   for (int c = 0; c < 50; ++c) {
     std::string raw;
-    for (int s = 0; s < 20; ++s)
-      mcap::append_record(raw, mcap::Schema{id++, "s", "e", std::string(1 << 20, '\0')});
+    for (int s = 0; s < 20; ++s) mcap::append_record(raw, mcap::Schema{id++, "s", "e", std::string(1 << 20, '\0')});
     const std::string packed = zstd_of(raw);
     mcap::append_record(bytes, mcap::Chunk{0, 0, raw.size(), mcap::crc32_of(raw), "zstd", packed});
   }

@@ -45,8 +45,7 @@ std::vector<PlainMessage> between(const std::vector<PlainMessage>& all, uint64_t
 
 TEST(Mcap, GivesBackEveryMessageInOrder) {
   for (const int level : {0, 1, 9}) {
-    const test::SmallFile file =
-        test::make_small_file({.chunk_time = std::chrono::seconds(1), .zstd_level = level});
+    const test::SmallFile file = test::make_small_file({.chunk_time = std::chrono::seconds(1), .zstd_level = level});
     const MemorySource source(file.bytes);
     const McapReader reader = McapReader::open(source, {}).value();
     EXPECT_TRUE(reader.info().from_summary);
@@ -83,8 +82,7 @@ TEST(Mcap, AFileWithoutItsSummaryReadsTheSame) {
   EXPECT_FALSE(reader.info().from_summary);
   EXPECT_FALSE(reader.info().finished);
   EXPECT_EQ(test::read_all(reader), file.messages);
-  EXPECT_EQ(reader.info().statistics.channel_message_counts,
-            (std::map<uint16_t, uint64_t>{{1, 20}, {2, 20}}));
+  EXPECT_EQ(reader.info().statistics.channel_message_counts, (std::map<uint16_t, uint64_t>{{1, 20}, {2, 20}}));
   ASSERT_EQ(reader.info().attachments.size(), 1u);
   EXPECT_EQ(reader.info().attachments[0].name, "scene.glb");
   EXPECT_EQ(reader.info().attachments[0].data_size, file.attachment.size());
@@ -100,8 +98,7 @@ TEST(Mcap, ChunksAreBoundedByTimeAndBySize) {
   for (const mcap::ChunkIndex& chunk : reader.info().chunks)
     EXPECT_LT(chunk.end_time_ns - chunk.start_time_ns, kSecondNs / 2);
 
-  const test::SmallFile by_size =
-      test::make_small_file({.chunk_bytes = 200, .chunk_time = std::chrono::hours(1)});
+  const test::SmallFile by_size = test::make_small_file({.chunk_bytes = 200, .chunk_time = std::chrono::hours(1)});
   const MemorySource other(by_size.bytes);
   const McapReader small = McapReader::open(other, {}).value();
   for (const mcap::ChunkIndex& chunk : small.info().chunks)
@@ -125,8 +122,7 @@ TEST(Mcap, OnlyTheChunksOfTheRangeAreRead) {
   McapWriter writer(sink, {.zstd_level = 0});
   const uint16_t channel = writer.add_channel("/big", 0, "x-plain", {}).value();
   const std::string payload(20'000, 'x');
-  for (uint64_t i = 0; i < 600; ++i)
-    ASSERT_TRUE(writer.write(channel, i * kSecondNs, i * kSecondNs, payload));
+  for (uint64_t i = 0; i < 600; ++i) ASSERT_TRUE(writer.write(channel, i * kSecondNs, i * kSecondNs, payload));
   ASSERT_TRUE(writer.finish());
   const CountedSource source(sink.bytes());
   const McapReader reader = McapReader::open(source, {}).value();
@@ -175,7 +171,8 @@ TEST(Mcap, WhatIsRefusedLeavesTheFileSound) {
   EXPECT_EQ(writer.add_channel("/t", 3, "", {}).error().code, ErrorCode::kNotFound);
   EXPECT_EQ(writer.write(1, 0, 0, "m").error().code, ErrorCode::kNotFound);
   const uint16_t channel = writer.add_channel("/t", 0, "", {}).value();
-  for (const int unknown : {0, channel + 1}) EXPECT_EQ(writer.write(static_cast<uint16_t>(unknown), 0, 0, "m").error().code, ErrorCode::kNotFound);
+  for (const int unknown : {0, channel + 1})
+    EXPECT_EQ(writer.write(static_cast<uint16_t>(unknown), 0, 0, "m").error().code, ErrorCode::kNotFound);
   EXPECT_EQ(writer.write(channel, 0, 0, std::string(kMaxMessageBytes + 1, 'x')).error().code,
             ErrorCode::kResourceExhausted);
   ASSERT_TRUE(writer.write(channel, 1, 1, "m"));
@@ -206,8 +203,7 @@ TEST(Mcap, AFullDiskSticksAndWritesNothingMore) {
     McapWriter writer(sink, {.chunk_bytes = 300, .zstd_level = 0});
     const Result<uint16_t> channel = writer.add_channel("/t", 0, "", {});
     Status last;
-    for (uint64_t i = 0; i < 100 && last; ++i)
-      last = writer.write(channel.value_or(1), i, i, std::string(100, 'x'));
+    for (uint64_t i = 0; i < 100 && last; ++i) last = writer.write(channel.value_or(1), i, i, std::string(100, 'x'));
     ASSERT_FALSE(last) << room;
     EXPECT_EQ(last.error().code, ErrorCode::kResourceExhausted);
     const size_t writes = sink.writes();
@@ -330,7 +326,8 @@ Definitions definitions_in(const std::string& bytes) {
     mcap::Schema schema;
     mcap::Channel channel;
     if (record.opcode == mcap::Opcode::kSchema && mcap::decode(record.content, schema)) return "schema " + schema.name;
-    if (record.opcode == mcap::Opcode::kChannel && mcap::decode(record.content, channel)) return "channel " + channel.topic;
+    if (record.opcode == mcap::Opcode::kChannel && mcap::decode(record.content, channel))
+      return "channel " + channel.topic;
     return std::string();
   };
   Definitions found;
@@ -402,7 +399,8 @@ TEST(Mcap, FilesOnDiskAreNewOnes) {
   std::string read(10, '\0');
   EXPECT_TRUE(source->read_at(source->size() - 10, read.data(), 10));
   EXPECT_EQ(read, test::make_small_file().bytes.substr(source->size() - 10));
-  for (const auto& [offset, count] : {std::pair(source->size() - 9, 10), {source->size() + 1, 0}, {source->size() + 1, 10}}) {
+  for (const auto& [offset, count] :
+       {std::pair(source->size() - 9, 10), {source->size() + 1, 0}, {source->size() + 1, 10}}) {
     const Status beyond = source->read_at(offset, read.data(), static_cast<size_t>(count));
     ASSERT_FALSE(beyond) << offset << ' ' << count;
     EXPECT_EQ(beyond.error().message, "the file ends before what is to be read");

@@ -216,10 +216,8 @@ TEST(Recorder, TheDisksReserveIsNotTouched) {
   EXPECT_LE(most, 2'000'000u + 300'000u) << "what is written between two looks at the disk";
   EXPECT_FALSE(recorder->degraded()) << "the oldest make room";
   EXPECT_TRUE(studio.files.files.contains("holiday.mcap")) << "not ours";
-  EXPECT_FALSE(studio.files.files.contains("sightline-20200101T000000.000Z-old-p001.mcap"))
-      << "the oldest went first";
-  EXPECT_EQ(studio.writer->counts().removed_files,
-            2u + studio.files.creations - (studio.files.files.size() - 1));
+  EXPECT_FALSE(studio.files.files.contains("sightline-20200101T000000.000Z-old-p001.mcap")) << "the oldest went first";
+  EXPECT_EQ(studio.writer->counts().removed_files, 2u + studio.files.creations - (studio.files.files.size() - 1));
 }
 
 TEST(Recorder, ADiskThatOthersFilledIsLeftAlone) {
@@ -288,14 +286,17 @@ TEST(Recorder, AFolderThatCannotBeUsedIsKnownBeforeTheFirstSession) {
 }
 
 TEST(RecordFolder, ANameHasTheTimeTheSessionAndThePart) {
-  EXPECT_EQ(recording_name(1'700'000'000'123'456'789, "a b/\xC3\xBC-Z9", 7), "sightline-20231114T221320.123Z-a_b___-Z9-p007.mcap");
-  EXPECT_EQ(recording_name(0, std::string(70, 'x'), 1234), "sightline-19700101T000000.000Z-" + std::string(64, 'x') + "-p1234.mcap");
+  EXPECT_EQ(recording_name(1'700'000'000'123'456'789, "a b/\xC3\xBC-Z9", 7),
+            "sightline-20231114T221320.123Z-a_b___-Z9-p007.mcap");
+  EXPECT_EQ(recording_name(0, std::string(70, 'x'), 1234),
+            "sightline-19700101T000000.000Z-" + std::string(64, 'x') + "-p1234.mcap");
 }
 
 TEST(RecordFolder, OnlyNamesOfRecordingsAreItsOwn) {
   EXPECT_TRUE(is_recording_name(recording_name(1, "abc", 1)));
   EXPECT_TRUE(is_recording_name("sightline-x.mcap"));
-  for (const char* name : {"sightline-.mcap", "sightline-x.mca", "other-x.mcap", "sightline-a/b.mcap", "x/sightline-a.mcap", ".mcap", ""})
+  for (const char* name :
+       {"sightline-.mcap", "sightline-x.mca", "other-x.mcap", "sightline-a/b.mcap", "x/sightline-a.mcap", ".mcap", ""})
     EXPECT_FALSE(is_recording_name(name)) << name;
 }
 

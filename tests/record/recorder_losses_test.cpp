@@ -71,7 +71,8 @@ TEST_P(FileThatCannotBeMade, IsTriedAgainAfterASecondAndNotBefore) {
   EXPECT_EQ(studio.writer->counts().messages, 1u);
 }
 
-INSTANTIATE_TEST_SUITE_P(ForWantOf, FileThatCannotBeMade, testing::Values(&PretendedFiles::folder_forbidden, &PretendedFiles::files_forbidden),
+INSTANTIATE_TEST_SUITE_P(ForWantOf, FileThatCannotBeMade,
+                         testing::Values(&PretendedFiles::folder_forbidden, &PretendedFiles::files_forbidden),
                          [](const auto& param) { return param.index == 0 ? "AFolder" : "Permission"; });
 
 TEST_F(RecorderLosses, AFolderThatStaysUnusableIsTriedOnceASecond) {

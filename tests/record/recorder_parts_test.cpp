@@ -69,14 +69,15 @@ TEST(Recorder, UnansweredTicksAreAlsoAtTheHeadOfTheNextPart) {
   EXPECT_EQ(found.replies, 1u);
 }
 
-// One message of a file, as a line: topic, sequence number, log time and publish time in milliseconds since the session began.
+// One message of a file, as a line: topic, sequence number, log time and publish time in milliseconds since the session
+// began.
 std::vector<std::string> lines_of(const std::string& bytes, uint64_t start_ns) {
   const auto ms = [&](uint64_t ns) { return std::to_string(static_cast<int64_t>(ns - start_ns) / 1'000'000); };
   std::vector<std::string> lines;
   const MemorySource source(bytes);
   McapReader::open(source, {}).value().read({}, [&](const McapMessage& m) {
-    lines.push_back(m.channel.topic.substr(sizeof("/sightline/") - 1) + " " + std::to_string(m.message.sequence) + " at " + ms(m.message.log_time_ns) +
-                    ", " + ms(m.message.publish_time_ns));
+    lines.push_back(m.channel.topic.substr(sizeof("/sightline/") - 1) + " " + std::to_string(m.message.sequence) +
+                    " at " + ms(m.message.log_time_ns) + ", " + ms(m.message.publish_time_ns));
     return true;
   });
   return lines;
@@ -132,8 +133,9 @@ TEST(RecorderHead, RepeatsTheOpeningTheAnsweredTicksAsOneAndThoseThatWait) {
   session.tick(40, 4);
   session.next_part();
   session.reply(9000, 3);
-  EXPECT_THAT(session.lines(), ::testing::ElementsAre("info 1 at 20, 20", "open 1 at 20, 20", "opened 1 at 20, 20", "tick 2 at 20, 19",
-                                                      "tick 3 at 30, 29", "tick 4 at 40, 39", "reply 3 at 9000, 8999"))
+  EXPECT_THAT(session.lines(),
+              ::testing::ElementsAre("info 1 at 20, 20", "open 1 at 20, 20", "opened 1 at 20, 20", "tick 2 at 20, 19",
+                                     "tick 3 at 30, 29", "tick 4 at 40, 39", "reply 3 at 9000, 8999"))
       << "the head has the times of its ticks, so that times rise";
 }
 
@@ -145,15 +147,16 @@ TEST(RecorderHead, WithoutAnsweredTicksItBeginsWithTheFirstThatWaits) {
   session.reply(9000, 1);
   session.studio.writer->run_once();
   EXPECT_FALSE(session.recorder->wants_memory()) << "the ticks are all there";
-  EXPECT_THAT(session.lines(), ::testing::ElementsAre("info 1 at 30, 30", "open 1 at 30, 30", "opened 1 at 30, 30", "tick 1 at 30, 29",
-                                                      "tick 2 at 40, 39", "reply 1 at 9000, 8999"));
+  EXPECT_THAT(session.lines(), ::testing::ElementsAre("info 1 at 30, 30", "open 1 at 30, 30", "opened 1 at 30, 30",
+                                                      "tick 1 at 30, 29", "tick 2 at 40, 39", "reply 1 at 9000, 8999"));
 }
 
 TEST(RecorderHead, WithoutAnyTickItHasTheTimeOfTheNextMessage) {
   SecondPart session;
   session.next_part();
   session.tick(9000, 1);
-  EXPECT_THAT(session.lines(), ::testing::ElementsAre("info 1 at 9000, 9000", "open 1 at 9000, 9000", "opened 1 at 9000, 9000", "tick 1 at 9000, 8999"));
+  EXPECT_THAT(session.lines(), ::testing::ElementsAre("info 1 at 9000, 9000", "open 1 at 9000, 9000",
+                                                      "opened 1 at 9000, 9000", "tick 1 at 9000, 8999"));
 }
 
 TEST(RecorderHead, AGapFollowsTheTicksThatWait) {
@@ -168,8 +171,9 @@ TEST(RecorderHead, AGapFollowsTheTicksThatWait) {
   session.studio.writer->run_once();
   session.studio.later(2);
   session.reply(9000, 2);
-  EXPECT_THAT(session.lines(), ::testing::ElementsAre("info 1 at 10, 10", "open 1 at 10, 10", "opened 1 at 10, 10", "tick 1 at 10, 9", "tick 2 at 30, 29",
-                                                      "tick 3 at 5000, 4999", "gap 1 at 5000, 5000", "reply 2 at 9000, 8999"));
+  EXPECT_THAT(session.lines(), ::testing::ElementsAre("info 1 at 10, 10", "open 1 at 10, 10", "opened 1 at 10, 10",
+                                                      "tick 1 at 10, 9", "tick 2 at 30, 29", "tick 3 at 5000, 4999",
+                                                      "gap 1 at 5000, 5000", "reply 2 at 9000, 8999"));
 }
 
 // A memory is of the moment after the newest reply. A message after it makes it old.
@@ -189,16 +193,17 @@ TEST(RecorderHead, AMemoryIsRepeatedWhileNothingCameAfterIt) {
     EXPECT_FALSE(session.recorder->wants_memory());
     const std::vector<std::string> lines = session.lines();
     if (old)
-      EXPECT_THAT(lines, ::testing::ElementsAre("info 1 at 20, 20", "open 1 at 20, 20", "opened 1 at 20, 20", "tick 2 at 20, 19", "tick 3 at 9000, 8999",
-                                                "memory 2 at 9001, 9000"));
+      EXPECT_THAT(lines, ::testing::ElementsAre("info 1 at 20, 20", "open 1 at 20, 20", "opened 1 at 20, 20",
+                                                "tick 2 at 20, 19", "tick 3 at 9000, 8999", "memory 2 at 9001, 9000"));
     else
-      EXPECT_THAT(lines, ::testing::ElementsAre("info 1 at 10, 10", "open 1 at 10, 10", "opened 1 at 10, 10", "tick 1 at 10, 9", "memory 1 at 12, 11",
-                                                "tick 2 at 9000, 8999"));
+      EXPECT_THAT(lines, ::testing::ElementsAre("info 1 at 10, 10", "open 1 at 10, 10", "opened 1 at 10, 10",
+                                                "tick 1 at 10, 9", "memory 1 at 12, 11", "tick 2 at 9000, 8999"));
   }
 }
 
 TEST(RecorderHead, AMemoryEndsAPartThatIsNearlyFull) {
-  Studio studio({.limits = {.max_file_bytes = 300'000, .free_reserve_bytes = 0}, .chunk_bytes = 500, .for_viewers = false});
+  Studio studio(
+      {.limits = {.max_file_bytes = 300'000, .free_reserve_bytes = 0}, .chunk_bytes = 500, .for_viewers = false});
   auto recorder = studio.open();
   recorder->record(RecordTopic::kOpen, {1, 1}, v1::OpenSession());
   const auto parts = [&] { return studio.files.files.size(); };
@@ -358,8 +363,7 @@ std::vector<std::pair<std::string, std::string>> attachments_of(const std::strin
   const MemorySource source(bytes);
   const McapReader reader = McapReader::open(source, {}).value();
   std::vector<std::pair<std::string, std::string>> found;
-  for (const auto& index : reader.info().attachments)
-    found.emplace_back(index.name, reader.attachment(index).value());
+  for (const auto& index : reader.info().attachments) found.emplace_back(index.name, reader.attachment(index).value());
   return found;
 }
 
@@ -386,18 +390,16 @@ TEST(Recorder, ScenesGoInAsAttachments) {
   studio.writer.reset();
   using Pair = std::pair<std::string, std::string>;
   const std::string& bytes = *studio.files.files.begin()->second.bytes;
-  EXPECT_THAT(
-      attachments_of(bytes),
-      ::testing::ElementsAre(Pair("hall.glb", *scene), Pair("more.glb", "more"), Pair("late.glb", "more")));
+  EXPECT_THAT(attachments_of(bytes),
+              ::testing::ElementsAre(Pair("hall.glb", *scene), Pair("more.glb", "more"), Pair("late.glb", "more")));
   using Times = std::pair<uint64_t, uint64_t>;
   EXPECT_THAT(attachment_times_of(bytes), ::testing::ElementsAre(Times(5, 5), Times(6, 6), Times(7, 7)));
 }
 
 TEST(Recorder, EveryPartHasTheScenesUnlessTheyAreLarge) {
   for (const size_t scene_bytes : {size_t{20'000}, size_t{200'000}}) {
-    Studio studio({.limits = {.max_file_bytes = 60'000, .free_reserve_bytes = 0},
-                   .chunk_bytes = 500,
-                   .for_viewers = false});
+    Studio studio(
+        {.limits = {.max_file_bytes = 60'000, .free_reserve_bytes = 0}, .chunk_bytes = 500, .for_viewers = false});
     auto recorder = studio.open();
     EXPECT_TRUE(recorder->attach("hall.glb", "", 5, std::make_shared<const std::string>(scene_bytes, 'g')));
     for (int i = 0; i < 6000; ++i) {

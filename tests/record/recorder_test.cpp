@@ -213,8 +213,7 @@ TEST(Recorder, EverySessionHasItsOwnFile) {
   for (const auto& [name, file] : studio.files.files) {
     EXPECT_TRUE(is_recording_name(name)) << name;
     const bool first = name.find("one") != std::string::npos;
-    EXPECT_EQ(contents_of(*file.bytes).ticks,
-              first ? (std::vector<uint64_t>{1, 3}) : (std::vector<uint64_t>{2}));
+    EXPECT_EQ(contents_of(*file.bytes).ticks, first ? (std::vector<uint64_t>{1, 3}) : (std::vector<uint64_t>{2}));
   }
 }
 

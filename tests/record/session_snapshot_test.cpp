@@ -58,8 +58,8 @@ std::vector<double> flat(const StepSettings& s) {
 }
 
 std::vector<double> flat(const CameraLimits& l) {
-  return {l.max_speed_mps, l.max_acceleration_mps2, l.max_angular_speed_radps,
-          l.max_angular_acceleration_radps2, l.body_radius_m};
+  return {l.max_speed_mps, l.max_acceleration_mps2, l.max_angular_speed_radps, l.max_angular_acceleration_radps2,
+          l.body_radius_m};
 }
 
 struct PlainTarget {
@@ -79,8 +79,8 @@ std::vector<PlainTarget> targets_of(const Session& session) {
   };
   std::vector<PlainTarget> out;
   for (const Target& t : session.targets())
-    out.push_back(
-        {t.instance_id, t.weight, t.required, t.layer_mask, living(t.attached_ids), living(t.ignored_ids), living(t.part_ids)});
+    out.push_back({t.instance_id, t.weight, t.required, t.layer_mask, living(t.attached_ids), living(t.ignored_ids),
+                   living(t.part_ids)});
   return out;
 }
 
@@ -247,7 +247,9 @@ class SnapshotTick : public testing::TestWithParam<std::tuple<Turning, v1::Conve
     if (chance(0.2)) t.mutable_sample()->set_resolution(2 + dice_.next_below(9));
     if (chance(0.2)) t.mutable_aggregate()->set_candidates(27 + dice_.next_below(300));
     if (chance(0.2)) t.mutable_aggregate()->mutable_filter()->set_hold_s(dice_.next_in(0, 1));
-    if (chance(0.2)) t.mutable_move()->set_strategy(chance(0.5) ? tuning::v1alpha1::STRATEGY_BASIC : tuning::v1alpha1::STRATEGY_MIN_COST);
+    if (chance(0.2))
+      t.mutable_move()->set_strategy(chance(0.5) ? tuning::v1alpha1::STRATEGY_BASIC
+                                                 : tuning::v1alpha1::STRATEGY_MIN_COST);
     if (chance(0.2)) t.mutable_move()->mutable_cost()->set_occlusion(dice_.next_in(0, 100));
     if (chance(0.2)) s.set_framing_margin(dice_.next_in(0, 0.5));
     if (chance(0.1)) {
@@ -321,7 +323,8 @@ class SnapshotTick : public testing::TestWithParam<std::tuple<Turning, v1::Conve
   // turned gets its rotation in single precision when others are turned.
   double rotations_within() const { return turning_ == Turning::kAtTimes ? 2e-7 : 1e-15; }
 
-  // `velocities`: those of instances that have one in `b`, which were sent. Derived ones depend on earlier positions, which only StepMemory holds.
+  // `velocities`: those of instances that have one in `b`, which were sent. Derived ones depend on earlier positions,
+  // which only StepMemory holds.
   void expect_same(const Session& a, const Session& b, bool velocities) {
     EXPECT_EQ(a.mirror().size(), b.mirror().size());
     size_t differ_in_bits = 0;
@@ -434,10 +437,10 @@ TEST_P(SnapshotTick, GivesASessionTheStateOfOneWhoseWorldWasShifted) {
   expect_same(truth_->session(), restored->session(), true);
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Seeds, SnapshotTick,
-    testing::Combine(testing::Values(Turning::kNever, Turning::kAlways, Turning::kAtTimes),
-                     testing::Values(v1::Convention::PRESET_GLTF, v1::Convention::PRESET_UNREAL), testing::Range(1, 9)));
+INSTANTIATE_TEST_SUITE_P(Seeds, SnapshotTick,
+                         testing::Combine(testing::Values(Turning::kNever, Turning::kAlways, Turning::kAtTimes),
+                                          testing::Values(v1::Convention::PRESET_GLTF, v1::Convention::PRESET_UNREAL),
+                                          testing::Range(1, 9)));
 
 TEST_F(SnapshotTick, LeavesOutTicksThatAreNotAnswered) {
   SessionSnapshot snapshot;

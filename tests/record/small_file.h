@@ -28,8 +28,7 @@ struct SmallFile {
   std::vector<PlainMessage> messages;
   std::string attachment;
 };
-SmallFile make_small_file(McapWriterOptions options = {.chunk_time = std::chrono::seconds(1)},
-                          bool finish = true);
+SmallFile make_small_file(McapWriterOptions options = {.chunk_time = std::chrono::seconds(1)}, bool finish = true);
 
 // Counts the bytes that are read from it, repeated ones too.
 class CountedSource final : public ByteSource {

@@ -90,8 +90,7 @@ inline Contents contents_of(const std::string& bytes, bool sound = true) {
     if (m.channel.topic == "/sightline/tick") {
       v1::Tick tick;
       EXPECT_TRUE(tick.ParseFromString(std::string(m.message.data)));
-      if (found.snapshot_ticks == 0 || !std::exchange(first_tick, false))
-        found.ticks.push_back(tick.sequence());
+      if (found.snapshot_ticks == 0 || !std::exchange(first_tick, false)) found.ticks.push_back(tick.sequence());
     }
     if (m.channel.topic == "/sightline/gap") {
       v1::Gap gap;
@@ -102,8 +101,7 @@ inline Contents contents_of(const std::string& bytes, bool sound = true) {
     return true;
   });
   const auto topics = verify_mcap(source, {}).value().topics;
-  if (const auto tick = topics.find("/sightline/tick"); tick != topics.end())
-    found.missing = tick->second.missing;
+  if (const auto tick = topics.find("/sightline/tick"); tick != topics.end()) found.missing = tick->second.missing;
   return found;
 }
 

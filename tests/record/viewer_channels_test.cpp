@@ -41,7 +41,8 @@ TEST(ViewerChannels, ALensThatNoSessionTakesChangesNoPicture) {
   EXPECT_THAT(heights, ::testing::ElementsAre(720, 640, 640, 640, 640, 640, 720));
 }
 
-// A pinhole camera whose picture is 1280 pixels wide: its focal length in pixels is half the height by the tangent of half the vertical angle.
+// A pinhole camera whose picture is 1280 pixels wide: its focal length in pixels is half the height by the tangent of
+// half the vertical angle.
 TEST(ViewerChannels, TheCalibrationIsThatOfTheLens) {
   foxglove::CameraCalibration shown;
   const auto emit = [&](RecordTopic topic, const google::protobuf::MessageLite& made) {
@@ -108,7 +109,8 @@ TEST(ViewerChannels, TheLogTellsChangesAndTroubles) {
   v1::Gap gap;
   gap.set_messages(6), gap.set_text("the queue was full");
   viewers.take_gap(gap, kAtNs, emit);
-  EXPECT_THAT(lines, ::testing::ElementsAre("INFO camera: TRACKING: one", "INFO camera: TRACKING: three", "INFO camera: HOLDING: four",
+  EXPECT_THAT(lines, ::testing::ElementsAre("INFO camera: TRACKING: one", "INFO camera: TRACKING: three",
+                                            "INFO camera: HOLDING: four",
                                             "WARNING tick: tick 8 refused: no such instance", "ERROR sample: it failed",
                                             "WARNING record: 6 messages are missing: the queue was full"));
 }
@@ -153,7 +155,8 @@ TEST(ViewerChannels, AnInstanceThatTurnsIsShownTurned) {
   std::vector<foxglove::Quaternion> shown;
   const auto emit = [&](RecordTopic topic, const google::protobuf::MessageLite& made) {
     if (topic != RecordTopic::kFrames) return;
-    for (const auto& frame : dynamic_cast<const foxglove::FrameTransforms&>(made).transforms()) shown.push_back(frame.rotation());
+    for (const auto& frame : dynamic_cast<const foxglove::FrameTransforms&>(made).transforms())
+      shown.push_back(frame.rotation());
   };
   v1::OpenSession open;
   v1::NewInstance& instance = *open.add_instances();
@@ -168,14 +171,16 @@ TEST(ViewerChannels, AnInstanceThatTurnsIsShownTurned) {
   tick.set_sequence(1);
   tick.mutable_transforms()->add_ids(1);
   for (int axis = 0; axis < 3; ++axis) tick.mutable_transforms()->add_positions(1.0);
-  for (const double value : {turned.x, turned.y, turned.z, turned.w}) tick.mutable_transforms()->add_rotations(static_cast<float>(value));
+  for (const double value : {turned.x, turned.y, turned.z, turned.w})
+    tick.mutable_transforms()->add_rotations(static_cast<float>(value));
   session.take_tick(tick, {});
   v1::CameraReply reply;
   reply.set_sequence(1);
   session.take_reply(reply);
   viewers.take_reply(reply, 1, emit);
   EXPECT_TRUE(std::any_of(shown.begin(), shown.end(), [&](const foxglove::Quaternion& q) {
-    return glm::length(glm::dquat(q.w(), q.x(), q.y(), q.z()) - glm::dquat(turned.w, turned.z, turned.x, turned.y)) < 1e-6;
+    return glm::length(glm::dquat(q.w(), q.x(), q.y(), q.z()) - glm::dquat(turned.w, turned.z, turned.x, turned.y)) <
+           1e-6;
   })) << "the axis is permuted as every vector is";
 }
 
@@ -185,8 +190,7 @@ TEST(ViewerChannels, WhatARefusedTickAddsIsNeverShown) {
     if (topic == RecordTopic::kShapes)
       shapes.push_back(static_cast<size_t>(dynamic_cast<const foxglove::SceneUpdate&>(made).entities_size()));
     if (topic == RecordTopic::kFrames)
-      frames.push_back(
-          static_cast<size_t>(dynamic_cast<const foxglove::FrameTransforms&>(made).transforms_size()));
+      frames.push_back(static_cast<size_t>(dynamic_cast<const foxglove::FrameTransforms&>(made).transforms_size()));
   };
   SessionSnapshot session;
   ViewerChannels viewers(session);
@@ -314,7 +318,8 @@ TEST(ViewerChannels, TheLevelIsThereAsTriangles) {
   const auto emit = [&](RecordTopic topic, const google::protobuf::MessageLite& made) {
     levels += topic == RecordTopic::kLevel;
     if (topic != RecordTopic::kStaticFrames) return;
-    for (const auto& frame : dynamic_cast<const foxglove::FrameTransforms&>(made).transforms()) frames.push_back(frame.child_frame_id());
+    for (const auto& frame : dynamic_cast<const foxglove::FrameTransforms&>(made).transforms())
+      frames.push_back(frame.child_frame_id());
   };
   SessionSnapshot session;
   ViewerChannels viewers(session);

@@ -1,5 +1,6 @@
-// The format's own conformance files: what a reader must find in each is in the .json beside it. They are in the folder that
-// SIGHTLINE_MCAP_CONFORMANCE names, or beside the repository in shared/assets/mcap-conformance; without them the test is skipped.
+// The format's own conformance files: what a reader must find in each is in the .json beside it. They are in the folder
+// that SIGHTLINE_MCAP_CONFORMANCE names, or beside the repository in shared/assets/mcap-conformance; without them the
+// test is skipped.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -37,7 +38,9 @@ std::vector<fs::path> files() {
   return found;
 }
 
-uint64_t number(const Json& text) { return std::stoull(text.get<std::string>()); }
+uint64_t number(const Json& text) {
+  return std::stoull(text.get<std::string>());
+}
 std::string bytes(const Json& list) {
   std::string out;
   for (const Json& byte : list) out.push_back(static_cast<char>(number(byte)));
@@ -105,8 +108,9 @@ TEST_F(Conformance, EveryFileIsReadAsItsDescriptionSays) {
 
     std::vector<test::PlainMessage> messages;
     for (Fields& fields : expected(told, "Message"))
-      messages.push_back({topics.at(static_cast<uint16_t>(number(fields["channel_id"]))), static_cast<uint32_t>(number(fields["sequence"])),
-                          number(fields["log_time"]), number(fields["publish_time"]), bytes(fields["data"])});
+      messages.push_back({topics.at(static_cast<uint16_t>(number(fields["channel_id"]))),
+                          static_cast<uint32_t>(number(fields["sequence"])), number(fields["log_time"]),
+                          number(fields["publish_time"]), bytes(fields["data"])});
     McapReadReport report;
     EXPECT_EQ(test::read_all(*reader, {}, &report), messages);
     EXPECT_TRUE(report.loss.none());
@@ -159,7 +163,8 @@ TEST_F(Conformance, InfoAndDumpGoThroughEveryFile) {
     const Json info = Json::parse(out.str());
     EXPECT_EQ(info["lost"]["troubles"], 0);
     EXPECT_EQ(info["attachments"].size(), expected(told, "Attachment").size());
-    // The messages have an encoding of their own, so each line has an error in the place of the message, and the command fails.
+    // The messages have an encoding of their own, so each line has an error in the place of the message, and the
+    // command fails.
     std::ostringstream lines, dump_err;
     const int status = run_dump_command({.file = path.string()}, lines, dump_err);
     const std::string text = lines.str();

@@ -8,14 +8,14 @@
 #include <map>
 #include <sstream>
 
-#include "client/replay/compare_command.h"
 #include "client/recordings/commands.h"
+#include "client/replay/compare_command.h"
 #include "client/replay/replay_command.h"
 #include "client/report/report_command.h"
 #include "server/base/random.h"
 #include "server/sample/embree_sampler.h"
-#include "tests/report/recorded_yard.h"
 #include "tests/replay/replayed.h"
+#include "tests/report/recorded_yard.h"
 #include "tests/support/temporary_folder.h"
 
 namespace sightline::test {
@@ -31,8 +31,7 @@ class Damage {
     std::string bytes = message.SerializeAsString();
     if (bytes.empty() || dice_.next_below(one_in_) > 0) return message;
     for (uint32_t k = 1 + dice_.next_below(3); k > 0; --k)
-      bytes[dice_.next_below(static_cast<uint32_t>(bytes.size()))] ^=
-          static_cast<char>(1 + dice_.next_below(255));
+      bytes[dice_.next_below(static_cast<uint32_t>(bytes.size()))] ^= static_cast<char>(1 + dice_.next_below(255));
     Message damaged;
     if (!damaged.ParseFromString(bytes)) return message;
     ++done_;
@@ -90,11 +89,10 @@ class DamagedMessages : public testing::Test {
     run("compare", CompareOptions{.a = sound, .b = file}, run_compare_command);
     ReplayCommandOptions replay;
     replay.file = file, replay.out = fresh();
-    run("replay", replay,
-        [](const auto& options, std::ostream& out, std::ostream& err) {
-          std::istringstream in;
-          return run_replay_command(options, in, out, err);
-        });
+    run("replay", replay, [](const auto& options, std::ostream& out, std::ostream& err) {
+      std::istringstream in;
+      return run_replay_command(options, in, out, err);
+    });
     ReportOptions page;
     page.recording = file, page.out = fresh();
     page.page.pictures = 1;

@@ -8,8 +8,8 @@
 #include "scenes/rooms.h"
 #include "server/record/recorder.h"
 #include "tests/record/pretended_files.h"
-#include "tests/replay/replayed.h"
 #include "tests/replay/recorded_hall.h"
+#include "tests/replay/replayed.h"
 #include "tests/report/recorded_yard.h"
 #include "tests/support/temporary_folder.h"
 
@@ -40,7 +40,8 @@ class RandomCuts : public testing::Test {
       const std::string cut = cut_of(recording, {start_s, end_s});
       const test::Replayed replayed = test::replay_here(cut);
       ASSERT_GT(replayed.replies, 0u) << start_s;
-      ASSERT_EQ(replayed.verdict, ReplayVerdict::kEqual) << "from " << start_s << " s to " << end_s << " s\n" << replayed.text;
+      ASSERT_EQ(replayed.verdict, ReplayVerdict::kEqual) << "from " << start_s << " s to " << end_s << " s\n"
+                                                         << replayed.text;
     }
   }
 
@@ -48,7 +49,8 @@ class RandomCuts : public testing::Test {
 };
 
 TEST_F(RandomCuts, OfTheHallWithTheDefaultSettingsReplayToTheBit) {
-  cut_and_replay(test::record_hall(*sampler_, {.ticks = 400, .merge_every = 7, .memory_every = kMemoryEvery}).bytes, 300, 1);
+  cut_and_replay(test::record_hall(*sampler_, {.ticks = 400, .merge_every = 7, .memory_every = kMemoryEvery}).bytes,
+                 300, 1);
 }
 
 // The recording is 22 s long, so that cuts begin in front of the first memory, between two, and behind the last.
@@ -58,14 +60,16 @@ TEST_F(RandomCuts, OfTheHallWithTheDaemonsMemoriesReplayToTheBit) {
 
 TEST_F(RandomCuts, OfRoomsReplayToTheBit) {
   const auto rooms = [](double duration_s) { return scenes::make_rooms({.seed = 3, .duration_s = duration_s}); };
-  cut_and_replay(test::record_hall(*sampler_, {.ticks = 400, .memory_every = kMemoryEvery, .scene = rooms}).bytes, 333, 2);
+  cut_and_replay(test::record_hall(*sampler_, {.ticks = 400, .memory_every = kMemoryEvery, .scene = rooms}).bytes, 333,
+                 2);
 }
 
 TEST_F(RandomCuts, OfAYardWithManyEventsReplayToTheBit) {
   cut_and_replay(test::record_yard(*sampler_, {.ticks = 300, .memory_every = kMemoryEvery}).bytes, 333, 3);
 }
 
-// A body of several instances: an arm swings, is removed, is added again in another shape, and the target leaves it behind.
+// A body of several instances: an arm swings, is removed, is added again in another shape, and the target leaves it
+// behind.
 TEST_F(RandomCuts, OfABodyWithMovingPartsReplayToTheBit) {
   constexpr uint64_t kArm = 5001, kHead = 5002;
   uint64_t target = 0;
@@ -79,7 +83,8 @@ TEST_F(RandomCuts, OfABodyWithMovingPartsReplayToTheBit) {
     if (i == 150) tick.mutable_delta()->add_removed_ids(kArm);
     if (i == 200) add(tick.mutable_delta()->add_added_instances(), kArm, 0.4);
     v1::Transforms& moved = *tick.mutable_transforms();
-    const int at = 3 * static_cast<int>(std::find(moved.ids().begin(), moved.ids().end(), target) - moved.ids().begin());
+    const int at = 3 *
+                   static_cast<int>(std::find(moved.ids().begin(), moved.ids().end(), target) - moved.ids().begin());
     const double x = moved.positions(at), y = moved.positions(at + 1), z = moved.positions(at + 2);
     const auto place = [&](uint64_t id, const glm::dvec3& aside) {
       moved.add_ids(id);
@@ -97,8 +102,8 @@ TEST_F(RandomCuts, OfABodyWithMovingPartsReplayToTheBit) {
     target = request.targets(0).id();
     request.mutable_targets(0)->add_part_ids(kArm), request.mutable_targets(0)->add_part_ids(kHead);
   };
-  const test::RecordedHall hall =
-      test::record_hall(*sampler_, {.ticks = 300, .memory_every = kMemoryEvery, .change_open = open, .change = change});
+  const test::RecordedHall hall = test::record_hall(
+      *sampler_, {.ticks = 300, .memory_every = kMemoryEvery, .change_open = open, .change = change});
   const test::Replayed whole = test::replay_here(hall.bytes);
   EXPECT_EQ(whole.verdict, ReplayVerdict::kEqual) << whole.text;
   EXPECT_EQ(whole.hash, hall.hash);
@@ -122,8 +127,9 @@ TEST_F(RandomCuts, EveryPartOfASessionReplaysToTheBit) {
   test::PretendedFiles disk;
   disk.now_ns = test::kRecordedStartNs;
   {
-    RecordWriter writer({.limits = {.max_file_bytes = 100'000, .free_reserve_bytes = 0}, .chunk_bytes = 2000, .for_viewers = false}, disk,
-                        [&] { return disk.now_ns; }, [](const RecordWarning&) {});
+    RecordWriter writer(
+        {.limits = {.max_file_bytes = 100'000, .free_reserve_bytes = 0}, .chunk_bytes = 2000, .for_viewers = false},
+        disk, [&] { return disk.now_ns; }, [](const RecordWarning&) {});
     const auto recorder = writer.open_session(recording.info());
     const auto put = [&](RecordTopic topic, const auto& message) {
       disk.now_ns += 1'000'000;
@@ -133,7 +139,8 @@ TEST_F(RandomCuts, EveryPartOfASessionReplaysToTheBit) {
     put(RecordTopic::kOpen, recording.open_session());
     put(RecordTopic::kOpened, recording.opened());
     const auto files = recording.files();
-    for (const RecordedFile& file : *files) recorder->attach(file.name, "", 1, std::make_shared<std::string>(file.bytes));
+    for (const RecordedFile& file : *files)
+      recorder->attach(file.name, "", 1, std::make_shared<std::string>(file.bytes));
     recording.read({}, [&](RecordedEvent& event) {
       if (event.topic == RecordTopic::kMemory && !recorder->wants_memory()) return true;
       std::visit([&](const auto& message) { put(event.topic, message); }, event.message);

@@ -39,8 +39,7 @@ TEST_F(Verbs, WhatDoesNotGoTogetherIsSaid) {
       {"one to one", [](Told& t) { t.tick(1), t.reply(1), t.tick(2), t.reply(2); }, nullptr},
       {"merged", [](Told& t) { t.tick(1), t.tick(5), t.reply(5, 1); }, nullptr},
       {"refused", [](Told& t) { t.tick(1), t.tick(2), t.refuse(2), t.tick(2), t.reply(2, 1); }, nullptr},
-      {"refused again", [](Told& t) { t.tick(1), t.reply(1), t.tick(1), t.refuse(1, "tick.sequence"); },
-       nullptr},
+      {"refused again", [](Told& t) { t.tick(1), t.reply(1), t.tick(1), t.refuse(1, "tick.sequence"); }, nullptr},
       {"a step that failed", [](Told& t) { t.tick(1), t.refuse(1, ""), t.tick(2), t.reply(2, 1); }, nullptr},
       {"the end", [](Told& t) { t.tick(1), t.reply(1), t.tick(2); }, nullptr},
       {"no tick", [](Told& t) { t.tick(1), t.reply(1), t.reply(2); }, "no tick since the former reply"},
@@ -142,8 +141,8 @@ TEST_F(Verbs, MissingNumbersNeedAGap) {
   EXPECT_EQ(told(0, 2, 9).status, 1);
 }
 
-// A head as the recorder writes it: messages for viewers, the snapshot tick or the Gap that replaces it, the waiting ticks,
-// and a Gap for losses.
+// A head as the recorder writes it: messages for viewers, the snapshot tick or the Gap that replaces it, the waiting
+// ticks, and a Gap for losses.
 TEST_F(Verbs, AGapAtAHeadExcusesNothingBehindIt) {
   using Tell = std::function<void(Numbered&)>;
   const auto nothing = [](Numbered&) {};
@@ -165,9 +164,8 @@ TEST_F(Verbs, AGapAtAHeadExcusesNothingBehindIt) {
     EXPECT_TRUE(said(head, nothing).sound());
     EXPECT_EQ(said(head, nothing).missing, 0u);
     EXPECT_TRUE(said(head, [](Numbered& f) { f.gap(2), f.tick(17), f.reply(11, 17); }).sound());
-    for (const Tell& lost :
-         {Tell([](Numbered& f) { f.tick(17); }), Tell([](Numbered& f) { f.reply(11, 17); }),
-          Tell([](Numbered& f) { f.stills(5); })})
+    for (const Tell& lost : {Tell([](Numbered& f) { f.tick(17); }), Tell([](Numbered& f) { f.reply(11, 17); }),
+                             Tell([](Numbered& f) { f.stills(5); })})
       EXPECT_FALSE(said(head, lost).sound());
     EXPECT_EQ(said(head, [](Numbered& f) { f.gap(1), f.tick(17), f.reply(11, 17); }).missing, 2u);
     EXPECT_FALSE(said(head, [](Numbered& f) { f.gap(1), f.tick(17), f.reply(11, 17); }).sound());
@@ -226,8 +224,7 @@ void record_session(test::PretendedFiles& disk, const RecordSettings& settings, 
 
 TEST_F(Verbs, EveryPartOfASessionIsSoundByItself) {
   test::PretendedFiles disk;
-  record_session(disk, {.limits = {.max_file_bytes = 200'000, .free_reserve_bytes = 0}, .chunk_bytes = 1000},
-                 3000);
+  record_session(disk, {.limits = {.max_file_bytes = 200'000, .free_reserve_bytes = 0}, .chunk_bytes = 1000}, 3000);
   EXPECT_GT(disk.files.size(), 5u);
   size_t began_waiting = 0;
   for (const auto& [name, file] : disk.files) {
@@ -245,8 +242,7 @@ TEST_F(Verbs, EveryPartOfASessionIsSoundByItself) {
     if (told["part"] == 2) {
       EXPECT_EQ(cut(part, path("x.mcap"), 0.1).status, 0);
       EXPECT_EQ(verify(path("x.mcap")).status, 0);
-      EXPECT_GT(recording_of(bytes_of(path("x.mcap"))).info().snapshot_ticks(),
-                told["snapshot_ticks"].get<uint64_t>());
+      EXPECT_GT(recording_of(bytes_of(path("x.mcap"))).info().snapshot_ticks(), told["snapshot_ticks"].get<uint64_t>());
     }
   }
   EXPECT_GT(began_waiting, 0u);
@@ -256,9 +252,7 @@ TEST_F(Verbs, EveryPartOfASessionIsSoundByItself) {
 TEST_F(Verbs, APartMayBeginAnywhereAmongRefusedTicks) {
   test::PretendedFiles disk;
   record_session(
-      disk,
-      {.limits = {.max_file_bytes = 1, .free_reserve_bytes = 0}, .chunk_bytes = 1, .for_viewers = false},
-      300);
+      disk, {.limits = {.max_file_bytes = 1, .free_reserve_bytes = 0}, .chunk_bytes = 1, .for_viewers = false}, 300);
   size_t begin_behind_one = 0;
   for (const auto& [name, file] : disk.files) {
     const SessionVerdict verdict = check_session(recording_of(*file.bytes));

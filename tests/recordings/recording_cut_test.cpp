@@ -46,22 +46,23 @@ TEST_F(Verbs, ACutFromWithinStandsAlone) {
   EXPECT_EQ(part.info().part(), 1u);
   ASSERT_GT(part.info().snapshot_ticks(), 30u);
   uint64_t memory_ns = 0;  // the newest before the range, with which the lead begins
-  for (const PlainMessage& m : messages_of(hall(), {.end_ns = kRecordedStartNs + 700'000'000, .topics = {"/sightline/memory"}}))
+  for (const PlainMessage& m :
+       messages_of(hall(), {.end_ns = kRecordedStartNs + 700'000'000, .topics = {"/sightline/memory"}}))
     memory_ns = m.log_time_ns;
   ASSERT_GT(memory_ns, kRecordedStartNs);
   char lead[64];
-  std::snprintf(lead, sizeof lead, "lead        %.3f s before the range", 0.7 - static_cast<double>(memory_ns - kRecordedStartNs) * 1e-9);
+  std::snprintf(lead, sizeof lead, "lead        %.3f s before the range",
+                0.7 - static_cast<double>(memory_ns - kRecordedStartNs) * 1e-9);
   EXPECT_THAT(done.out, HasSubstr(lead));
   EXPECT_EQ(part.open_session().SerializeAsString(), whole.open_session().SerializeAsString());
   EXPECT_EQ(part.opened().SerializeAsString(), whole.opened().SerializeAsString());
 
   // Messages of all topics in the range are unchanged.
   std::vector<PlainMessage> expected = messages_of(hall()), got = messages_of(bytes);
-  const auto replies_in_cut = std::count_if(
-      got.begin(), got.end(), [](const PlainMessage& m) { return m.topic == "/sightline/reply"; });
+  const auto replies_in_cut = std::count_if(got.begin(), got.end(),
+                                            [](const PlainMessage& m) { return m.topic == "/sightline/reply"; });
   const auto outside = [](const PlainMessage& m) {
-    return m.log_time_ns < kRecordedStartNs + 700'000'000 ||
-           m.log_time_ns >= kRecordedStartNs + 1'200'000'000;
+    return m.log_time_ns < kRecordedStartNs + 700'000'000 || m.log_time_ns >= kRecordedStartNs + 1'200'000'000;
   };
   std::erase_if(expected, outside);
   std::erase_if(got, outside);
@@ -79,13 +80,13 @@ TEST_F(Verbs, ACutFromWithinStandsAlone) {
     if (!steps.add(event)) return true;
     const RecordedStep step = steps.take();
     v1::TickError rejection;
-    for (const v1::Tick& tick : step.ticks)
-      EXPECT_TRUE(session->apply(tick, rejection)) << rejection.message();
+    for (const v1::Tick& tick : step.ticks) EXPECT_TRUE(session->apply(tick, rejection)) << rejection.message();
     v1::CameraReply reply;
     EXPECT_TRUE(session->step(0, reply).has_value());
     EXPECT_EQ(reply.sequence(), step.reply.sequence());
     const auto &a = reply.pose().position(), &b = step.reply.pose().position();
-    // The recorded step had a history, which the memory holds and which is not taken over here, so the replies are alike but not equal.
+    // The recorded step had a history, which the memory holds and which is not taken over here, so the replies are
+    // alike but not equal.
     const double apart_m = std::hypot(a.x() - b.x(), a.y() - b.y(), a.z() - b.z());
     EXPECT_LT(apart_m, replies == 0 ? 0.1 : 5.0);
     EXPECT_EQ(reply.mirror_hash(), step.reply.mirror_hash()) << "the same scene";
@@ -109,7 +110,8 @@ TEST_F(Verbs, ACutBeginsAndEndsAtExactlyItsTimes) {
   };
   for (const auto& [start_ms, end_ms] : {std::pair<uint64_t, uint64_t>(100, 200), {105, 205}, {0, 200}, {0, 205}}) {
     SCOPED_TRACE(start_ms);
-    ASSERT_EQ(cut(file, path("part.mcap"), static_cast<double>(start_ms) / 1e3, static_cast<double>(end_ms) / 1e3).status, 0);
+    ASSERT_EQ(
+        cut(file, path("part.mcap"), static_cast<double>(start_ms) / 1e3, static_cast<double>(end_ms) / 1e3).status, 0);
     const auto got = messages_of(bytes_of(path("part.mcap")));
     EXPECT_EQ(in_range(got, start_ms, 1'000'000), in_range(messages_of(bytes), start_ms, end_ms));
     std::filesystem::remove(path("part.mcap"));

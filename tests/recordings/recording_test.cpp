@@ -6,8 +6,8 @@
 #include "client/recordings/writer.h"
 #include "server/record/mcap_reader.h"
 #include "server/sample/embree_sampler.h"
-#include "tests/replay/recorded_hall.h"
 #include "tests/recordings/string_sink.h"
+#include "tests/replay/recorded_hall.h"
 
 namespace sightline {
 namespace {

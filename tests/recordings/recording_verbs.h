@@ -18,8 +18,8 @@
 #include "client/recordings/writer.h"
 #include "server/sample/embree_sampler.h"
 #include "tests/record/small_file.h"
-#include "tests/replay/recorded_hall.h"
 #include "tests/recordings/string_sink.h"
+#include "tests/replay/recorded_hall.h"
 #include "tests/support/temporary_folder.h"
 
 namespace sightline::test {

@@ -88,8 +88,9 @@ TEST_F(Verbs, InfoTellsTheGamesTimeOfASessionWhoseClockBeginsAtZero) {
 }
 
 TEST_F(Verbs, InfoTellsHowLongARecordingLasted) {
-  const std::pair<uint64_t, const char*> cases[] = {
-      {59'999, "duration    59.999 s by"}, {60'000, "duration    0:01:00.000 by"}, {3'723'500, "duration    1:02:03.500 by"}};
+  const std::pair<uint64_t, const char*> cases[] = {{59'999, "duration    59.999 s by"},
+                                                    {60'000, "duration    0:01:00.000 by"},
+                                                    {3'723'500, "duration    1:02:03.500 by"}};
   for (const auto& [ms, text] : cases) {
     Told told;  // its first message comes 5 ms after this time
     told.log_ns = kRecordedStartNs + ms * 1'000'000;
@@ -111,7 +112,8 @@ TEST_F(Verbs, InfoListsATopicWithoutMessages) {
 TEST_F(Verbs, InfoTellsWhatIsMissingAndWhy) {
   Told told;
   told.tick(1), told.reply(1);
-  for (const v1::Gap::Reason reason : {v1::Gap::REASON_QUEUE_FULL, v1::Gap::REASON_NO_SPACE, v1::Gap::REASON_QUEUE_FULL}) {
+  for (const v1::Gap::Reason reason :
+       {v1::Gap::REASON_QUEUE_FULL, v1::Gap::REASON_NO_SPACE, v1::Gap::REASON_QUEUE_FULL}) {
     v1::Gap gap;
     gap.set_reason(reason);
     gap.set_messages(7);
@@ -215,8 +217,8 @@ TEST_F(Verbs, DumpGivesEveryMessageAsItIs) {
 
 TEST_F(Verbs, DumpGivesWhatIsAskedFor) {
   const std::string file = put("hall.mcap", hall());
-  const std::vector<json> some =
-      lines_of(dump({.file = file, .topics = {"/sightline/tick"}, .start_s = 0.5, .end_s = 0.75}).out);
+  const std::vector<json> some = lines_of(
+      dump({.file = file, .topics = {"/sightline/tick"}, .start_s = 0.5, .end_s = 0.75}).out);
   ASSERT_THAT(some, SizeIs(15));
   EXPECT_EQ(some.front()["message"]["sequence"], "30");
   EXPECT_THAT(lines_of(dump({.file = file, .topics = {"/tf", "/camera/pose"}, .limit = 7}).out), SizeIs(7));
@@ -282,8 +284,8 @@ TEST_F(Verbs, WhatIsNoRecordingIsRefusedByName) {
   const std::vector<std::string> files = {put("empty.mcap", ""), put("words.mcap", "not a recording at all"),
                                           path("nowhere.mcap"), folder_.path().string()};
   for (const std::string& file : files) {
-    const std::vector<Said> all = {info({file}), verify(file), dump({.file = file}),
-                                   recover(file, path("x.mcap")), cut(file, path("x.mcap"), 0)};
+    const std::vector<Said> all = {info({file}), verify(file), dump({.file = file}), recover(file, path("x.mcap")),
+                                   cut(file, path("x.mcap"), 0)};
     for (const Said& one : all) {
       EXPECT_EQ(one.status, 1);
       EXPECT_THAT(one.err, HasSubstr(file));
@@ -303,11 +305,9 @@ TEST_F(Verbs, DamageAnywhereIsSurvived) {
   for (int i = 0; i < 60; ++i) {
     std::string bytes = whole.substr(0, whole.size() - (i % 3 == 0 ? dice.next_below(2000) : 0));
     for (int k = 0; k < 1 + i % 4; ++k)
-      bytes[dice.next_below(static_cast<uint32_t>(bytes.size()))] ^=
-          static_cast<char>(1 + dice.next_below(255));
+      bytes[dice.next_below(static_cast<uint32_t>(bytes.size()))] ^= static_cast<char>(1 + dice.next_below(255));
     const std::string file = put("d.mcap", bytes);
-    for (const Said& one :
-         {info({file}), verify(file), dump({.file = file}), cut(file, path("x.mcap"), 0.05)})
+    for (const Said& one : {info({file}), verify(file), dump({.file = file}), cut(file, path("x.mcap"), 0.05)})
       EXPECT_TRUE(one.status == 0 || one.status == 1);
     std::filesystem::remove(path("x.mcap"));
     if (recover(file, path("x.mcap")).status == 0) {

@@ -71,7 +71,8 @@ McapInfo file_of_an_older_server(const std::function<void(google::protobuf::Desc
   session.CopyTo(files.add_file());
   for (auto& message : *files.mutable_file(files.file_size() - 1)->mutable_message_type()) change(message);
   mcap::Schema schema;
-  schema.id = 1, schema.name = "sightline.v1.CameraReply", schema.encoding = "protobuf", schema.data = files.SerializeAsString();
+  schema.id = 1, schema.name = "sightline.v1.CameraReply", schema.encoding = "protobuf",
+  schema.data = files.SerializeAsString();
   McapInfo file;
   file.schemas[1] = schema;
   return file;
@@ -106,7 +107,8 @@ TEST(CompareReplies, TheLargestDistancesOfPosesAndSharesAreTold) {
   };
   a.set_sequence(4), b.set_sequence(4);
   a.mutable_pose()->mutable_rotation()->set_w(1);
-  b.mutable_pose()->mutable_rotation()->set_y(std::sqrt(0.5)), b.mutable_pose()->mutable_rotation()->set_w(std::sqrt(0.5));
+  b.mutable_pose()->mutable_rotation()->set_y(std::sqrt(0.5)),
+      b.mutable_pose()->mutable_rotation()->set_w(std::sqrt(0.5));
   v1::Vec3& place = *b.mutable_pose()->mutable_position();
   place.set_x(1), place.set_y(-2), place.set_z(2);
   add_target(a, 1, 0.5), add_target(a, 2, 0.25);
@@ -138,7 +140,8 @@ TEST(CompareReplies, TheLargestDistancesOfPosesAndSharesAreTold) {
 }
 
 TEST(CompareReplies, EveryFieldCountsInAFileOfThisVersionAndInOneWithoutSchemas) {
-  EXPECT_THAT(reply_fields_unknown_to(file_of_an_older_server([](google::protobuf::DescriptorProto&) {})), testing::IsEmpty());
+  EXPECT_THAT(reply_fields_unknown_to(file_of_an_older_server([](google::protobuf::DescriptorProto&) {})),
+              testing::IsEmpty());
   EXPECT_THAT(reply_fields_unknown_to({}), testing::IsEmpty());
 }
 
@@ -167,8 +170,8 @@ TEST(CompareMessages, WhatOnlyOneHasIsNamed) {
   for_each_difference(a, b, {}, [&](const FieldDifference& difference) {
     paths.push_back(difference.path + ": " + difference.a + ", " + difference.b);
   });
-  EXPECT_THAT(paths, testing::UnorderedElementsAre("targets[1]: absent, id: 7",
-                                                   "pose: absent, position { x: 2 }", "merged_ticks: 0, 3"));
+  EXPECT_THAT(paths, testing::UnorderedElementsAre("targets[1]: absent, id: 7", "pose: absent, position { x: 2 }",
+                                                   "merged_ticks: 0, 3"));
 }
 
 TEST(CompareMessages, IgnoredFieldsDoNotCount) {
@@ -329,7 +332,8 @@ TEST_F(CompareRecordings, CommandListsEveryFieldThatDiffers) {
 TEST_F(CompareRecordings, CommandNamesWhatDiffersInTheOpening) {
   const test::TemporaryFolder folder;
   const auto keep = [&](const char* name, uint64_t seed) {
-    std::ofstream(folder / name, std::ios::binary) << record_hall(*make_embree_sampler_device(), {.ticks = 2, .seed = seed}).bytes;
+    std::ofstream(folder / name, std::ios::binary)
+        << record_hall(*make_embree_sampler_device(), {.ticks = 2, .seed = seed}).bytes;
     return (folder / name).string();
   };
   std::ostringstream words, err;

@@ -23,7 +23,8 @@ test::RecordedHallOptions golden_options() {
       tick.mutable_observed_camera()->mutable_pose()->mutable_rotation()->set_w(1.0);
       tick.mutable_observed_camera()->set_cut(true);
     }
-    if (i == 60) tick.mutable_tuning()->mutable_aggregate()->mutable_filter()->set_mode(tuning::v1alpha1::FILTER_MODE_JOINT);
+    if (i == 60)
+      tick.mutable_tuning()->mutable_aggregate()->mutable_filter()->set_mode(tuning::v1alpha1::FILTER_MODE_JOINT);
     if (i == 80) tick.mutable_limits()->set_max_speed_mps(2.0);
     if (i == 100) tick.mutable_settings()->set_preset(v1::Settings::PRESET_PAPER);
   };

@@ -1,8 +1,8 @@
 // A recording of a camera in the hall, made in this process without a daemon.
 #pragma once
 
-#include <functional>
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -24,8 +24,8 @@ struct RecordedHallOptions {
   std::function<std::vector<std::byte>(double duration_s)> scene = {};  // empty: the hall
   v1::Settings settings = {};
   tuning::v1alpha1::Tuning tuning = {};
-  // Changes the opening, and tick i before it is applied and recorded, given the newest reply. A tick that is then refused
-  // is recorded with its refusal, and gets no step.
+  // Changes the opening, and tick i before it is applied and recorded, given the newest reply. A tick that is then
+  // refused is recorded with its refusal, and gets no step.
   std::function<void(v1::OpenSession&)> change_open = {};
   std::function<void(int, const v1::CameraReply&, v1::Tick&)> change = {};
 };

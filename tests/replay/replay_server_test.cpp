@@ -4,9 +4,9 @@
 
 #include <thread>
 
-#include "tests/support/daemon_process.h"
 #include "tests/replay/recorded_hall.h"
 #include "tests/replay/replayed.h"
+#include "tests/support/daemon_process.h"
 #include "tests/support/temporary_folder.h"
 
 namespace sightline {
@@ -46,10 +46,9 @@ TEST(ReplayAtDaemon, ThreadsChangeNoBit) {
 
 // Tick.step repeats what the recording's daemon decided by its clock.
 TEST(ReplayAtDaemon, MergesAndEconomyAreThoseOfTheRecording) {
-  for (const test::RecordedHallOptions& options :
-       {test::RecordedHallOptions{.ticks = 120, .merge_every = 2},
-        test::RecordedHallOptions{.ticks = 120, .merge_every = 3},
-        test::RecordedHallOptions{.ticks = 60, .quality_level = 4}}) {
+  for (const test::RecordedHallOptions& options : {test::RecordedHallOptions{.ticks = 120, .merge_every = 2},
+                                                   test::RecordedHallOptions{.ticks = 120, .merge_every = 3},
+                                                   test::RecordedHallOptions{.ticks = 60, .quality_level = 4}}) {
     const RecordedHall hall = record_hall(*make_embree_sampler_device(), options);
     for (const char* threads : {"1", "2"}) {
       const DaemonProcess daemon({"--sampler", "embree", "--threads", threads});
@@ -78,8 +77,7 @@ TEST(ReplayAtDaemon, KilledInTheMiddleItGoesOnWhereItWas) {
   test::TemporaryFolder folder;
   const std::string socket = folder / "daemon.sock";
   const auto start = [&] {
-    return std::make_unique<DaemonProcess>(
-        std::vector<std::string>{"--sampler", "embree", "--listen-unix", socket});
+    return std::make_unique<DaemonProcess>(std::vector<std::string>{"--sampler", "embree", "--listen-unix", socket});
   };
   auto daemon = start();
   std::jthread starter;

@@ -38,8 +38,7 @@ TEST(ReplaySettings, ArePutOverTheOpening) {
 }
 
 TEST(ReplaySettings, LaterTicksKeepWhatIsNotNamed) {
-  const auto settings =
-      read({"tuning.aggregate.filter.n=10", "limits.max_speed_mps=3", "lens.near_m=0.2", "seed=2"});
+  const auto settings = read({"tuning.aggregate.filter.n=10", "limits.max_speed_mps=3", "lens.near_m=0.2", "seed=2"});
   v1::Tick tick;
   put_over(settings, tick);
   EXPECT_EQ(tick.ByteSizeLong(), 0u);  // the tick has no settings, so none are added
@@ -75,8 +74,7 @@ TEST(ReplaySettings, ErrorsNameTheKeyAndTheAllowedOnes) {
     EXPECT_FALSE(setting.has_value()) << text;
     return setting ? std::string() : to_string(setting.error());
   };
-  EXPECT_THAT(error("speed=3"),
-              HasSubstr("speed: there is no \"speed\" here, only: preset, follow, min_distance_m"));
+  EXPECT_THAT(error("speed=3"), HasSubstr("speed: there is no \"speed\" here, only: preset, follow, min_distance_m"));
   EXPECT_THAT(error("speed=3"), HasSubstr("tuning..., limits..., lens..., seed"));
   EXPECT_THAT(error("limits.speed=3"), HasSubstr("max_speed_mps, max_acceleration_mps2"));
   EXPECT_THAT(error("tuning.sample.points.x=3"), HasSubstr("what stands there is a value"));

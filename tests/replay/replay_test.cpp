@@ -74,8 +74,7 @@ TEST_F(ReplayHere, RefusedTicksAreRefusedAgainWhereverTheyStand) {
     if (i == 30) tick.set_sequence(30);  // the tick before has this number too
   };
   for (const int merge_every : {0, 2, 3}) {
-    const RecordedHall hall =
-        record_hall(*sampler_, {.merge_every = merge_every, .change = wrong_now_and_then});
+    const RecordedHall hall = record_hall(*sampler_, {.merge_every = merge_every, .change = wrong_now_and_then});
     const Replayed replayed = replay_here(hall.bytes);
     EXPECT_EQ(replayed.hash, hall.hash);
     EXPECT_EQ(replayed.verdict, ReplayVerdict::kEqual) << replayed.text;
@@ -137,8 +136,7 @@ TEST_F(ReplayHere, ReplyThatIsMissingHasItsStepAllTheSame) {
   const Replayed replayed = replay_here(gappy);
   EXPECT_EQ(replayed.replies, 58u);
   EXPECT_EQ(replayed.equal, 58u);
-  EXPECT_THAT(replayed.text,
-              HasSubstr("2 messages are missing; 19 of 19 replies before the first are equal"));
+  EXPECT_THAT(replayed.text, HasSubstr("2 messages are missing; 19 of 19 replies before the first are equal"));
   EXPECT_THAT(replayed.text, HasSubstr("2 steps were taken whose replies are missing"));
 }
 
@@ -218,9 +216,8 @@ TEST_F(ReplayHere, AnEarlyCutBeginsWithTheSession) {
 
 TEST_F(ReplayHere, NothingToCompareIsNotCalledEqual) {
   const RecordedHall hall = record_hall(*sampler_, {.ticks = 10});
-  const std::string silent = rewritten(hall.bytes, [](RecordedEvent& event, RecordingWriter&) {
-    return event.topic != RecordTopic::kReply;
-  });
+  const std::string silent = rewritten(
+      hall.bytes, [](RecordedEvent& event, RecordingWriter&) { return event.topic != RecordTopic::kReply; });
   const Replayed replayed = replay_here(silent);
   EXPECT_EQ(replayed.verdict, ReplayVerdict::kNothing);
   EXPECT_THAT(replayed.text, HasSubstr("nothing to compare: the recording has no reply"));
@@ -239,8 +236,7 @@ TEST_F(ReplayHere, APartWhoseSnapshotWasTooLargeIsNotTakenForTheSession) {
   const Recording recording = open_recording(hall);
   size_t largest = std::max(recording.open_session().ByteSizeLong(), recording.opened().ByteSizeLong());
   recording.read({}, [&](RecordedEvent& event) {
-    std::visit([&](const auto& message) { largest = std::max(largest, message.ByteSizeLong()); },
-               event.message);
+    std::visit([&](const auto& message) { largest = std::max(largest, message.ByteSizeLong()); }, event.message);
     return true;
   });
 
@@ -378,7 +374,8 @@ TEST_F(ReplayCommand, FlagsAreTakenAsTheyAreTyped) {
     const int status = verb.run();
     return Typed{status, testing::internal::GetCapturedStdout()};
   };
-  // Ticks come every 16.7 ms, so five come before 90 ms, and the pictures of the first, the third and the fifth are judged.
+  // Ticks come every 16.7 ms, so five come before 90 ms, and the pictures of the first, the third and the fifth are
+  // judged.
   const std::string again = (folder_ / "again.mcap").string();
   const Typed some = type(bare + " --scene-dir " + scenes.path().string() +
                           " --sampler embree --threads 2 --end 0.09 --truth --truth-every 2 --out " + again);
@@ -403,11 +400,13 @@ TEST_F(ReplayCommand, SpeedIsToldByTheWallClockAndByTheGames) {
   ASSERT_EQ(run({.file = file}), 0) << err_.str();
   const std::string said = out_.str();
   std::smatch speed;
-  ASSERT_TRUE(std::regex_search(said, speed, std::regex(R"(, ([\d.]+) times the wall clock of the recording, ([\d.]+) times the game's clock)")))
+  ASSERT_TRUE(std::regex_search(
+      said, speed, std::regex(R"(, ([\d.]+) times the wall clock of the recording, ([\d.]+) times the game's clock)")))
       << said;
   const double wall = std::stod(speed[1]), game = std::stod(speed[2]);
   EXPECT_GT(game, wall);
-  EXPECT_NEAR(game, 2 * wall, 0.05 * game + 0.16) << "each has one decimal, and the game's clock begins with the first tick";
+  EXPECT_NEAR(game, 2 * wall, 0.05 * game + 0.16)
+      << "each has one decimal, and the game's clock begins with the first tick";
 }
 
 TEST_F(ReplayCommand, StepsByHandFromTheStartThatIsAskedFor) {
@@ -427,18 +426,12 @@ TEST_F(ReplayCommand, EndsWhereItIsTold) {
 }
 
 TEST_F(ReplayCommand, OtherSettingsShowBothRunsAndTheTruth) {
-  const std::string file = keep("hall.mcap", record_hall(*sampler_).bytes),
-                    again = (folder_ / "slow.mcap").string();
-  ASSERT_EQ(run({.file = file,
-                 .set = {"limits.max_speed_mps=0.1"},
-                 .truth = true,
-                 .truth_every = 30,
-                 .out = again}),
-            0)
+  const std::string file = keep("hall.mcap", record_hall(*sampler_).bytes), again = (folder_ / "slow.mcap").string();
+  ASSERT_EQ(run({.file = file, .set = {"limits.max_speed_mps=0.1"}, .truth = true, .truth_every = 30, .out = again}), 0)
       << err_.str();
   EXPECT_THAT(out_.str(), testing::ContainsRegex("recorded +replayed"));
-  for (const char* line : {"travel", "peak speed", "0.10 m/s", "true: r_N",
-                           "true: body collisions", "2 pictures of each"})
+  for (const char* line :
+       {"travel", "peak speed", "0.10 m/s", "true: r_N", "true: body collisions", "2 pictures of each"})
     EXPECT_THAT(out_.str(), HasSubstr(line));
   // The recorded camera went faster than the new limit, which did not hold for it.
   EXPECT_THAT(out_.str(), testing::ContainsRegex("motion limit violations \\(frames\\) +0 +0"));

@@ -58,9 +58,8 @@ struct Replayed {
   std::string text;  // as the command prints it
 };
 
-inline Replayed replay_on(ReplayBackend& place, const Recording& recording,
-                          const std::vector<std::string>& set = {}, const std::string& never_equal = {},
-                          SceneFileOptions scene_options = {},
+inline Replayed replay_on(ReplayBackend& place, const Recording& recording, const std::vector<std::string>& set = {},
+                          const std::string& never_equal = {}, SceneFileOptions scene_options = {},
                           const std::function<void(uint64_t)>& before_step = {}) {
   std::vector<ReplaySetting> settings;
   for (const std::string& text : set) settings.push_back(read_replay_setting(text).value());

@@ -25,8 +25,7 @@ class BothSampler final : public Sampler {
  public:
   BothSampler(std::unique_ptr<Sampler> first, std::unique_ptr<Sampler> second, Agreement& agreement)
       : first_(std::move(first)), second_(std::move(second)), agreement_(agreement) {}
-  Status take(const SceneMirror& mirror, std::span<const MapRequest> requests,
-              std::vector<DepthMap>& maps) override {
+  Status take(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) override {
     if (Status taken = second_->take(mirror, requests, others_); !taken) return taken;
     if (Status taken = first_->take(mirror, requests, maps); !taken) return taken;
     for (size_t i = 0; i < maps.size(); ++i) {
@@ -99,8 +98,7 @@ TEST_F(TwoSamplers, SeeTheSameInNearlyEveryMapOfASession) {
 TEST_F(TwoSamplers, CamerasStayTogetherForASecond) {
   const test::RecordedHall hall = test::record_hall(*embree_, {.ticks = 60});
   const auto place = make_local_backend(std::move(egl_));
-  const test::Replayed replayed =
-      test::replay_on(*place, test::open_recording(hall.bytes), {}, "another sampler");
+  const test::Replayed replayed = test::replay_on(*place, test::open_recording(hall.bytes), {}, "another sampler");
   EXPECT_EQ(replayed.replies, 60u);
   EXPECT_LE(replayed.position_m, kVisibleJumpM) << replayed.text;
   EXPECT_NE(replayed.verdict, ReplayVerdict::kDiffers) << replayed.text;

@@ -49,8 +49,8 @@ void see(v1::CameraReply& reply, uint64_t id, const Sight& sight) {
   seen.set_distance(sight.distance_units), seen.set_state(sight.state), seen.set_in_picture(sight.in_picture);
 }
 
-// Six replies at 2 Hz for a client whose unit is half a metre. The camera's speed rises by 2 m/s a step, from rest, to 6 m/s. Then it cuts.
-// The last reply has no target.
+// Six replies at 2 Hz for a client whose unit is half a metre. The camera's speed rises by 2 m/s a step, from rest, to
+// 6 m/s. Then it cuts. The last reply has no target.
 ReplyFigures long_run(const Convention& convention) {
   ReplyFigures run(convention);
   const double x_units[] = {0, 2, 6, 12, 200, 200};
@@ -188,8 +188,8 @@ TEST(PrintedRows, StandUnderTheNamesOfTheirColumns) {
     return out.str();
   };
   const auto gap = [](size_t n) { return std::string(n, ' '); };
-  EXPECT_EQ(printed(columns, rows), gap(46) + gap(22) + "run" + gap(19) + "follow\n" +                        //
-                                        "  first" + gap(39) + gap(24) + "1" + gap(23) + "22\n" +              //
+  EXPECT_EQ(printed(columns, rows), gap(46) + gap(22) + "run" + gap(19) + "follow\n" +            //
+                                        "  first" + gap(39) + gap(24) + "1" + gap(23) + "22\n" +  //
                                         "  second" + gap(38) + "  a value of many letters" + gap(24) + "x\n");
   EXPECT_EQ(printed({}, std::span(rows).first(1)), "  first" + gap(39) + gap(13) + "1" + gap(12) + "22\n");
 }

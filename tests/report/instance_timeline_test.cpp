@@ -1,5 +1,5 @@
-// Compares an InstanceTimeline with a plain log of the mirror at each frame, over random additions, removals, movements and
-// rests.
+// Compares an InstanceTimeline with a plain log of the mirror at each frame, over random additions, removals, movements
+// and rests.
 #include "client/report/instance_timeline.h"
 
 #include <gtest/gtest.h>
@@ -27,8 +27,7 @@ std::shared_ptr<const Geometry> tent(float height_m) {
 Note note_of(const SceneMirror& mirror) {
   Note note;
   for (const Instance& instance : mirror.instances())
-    if (instance.geometry && instance.attributes.visible)
-      note[instance.id] = {instance.pose, instance.occludes()};
+    if (instance.geometry && instance.attributes.visible) note[instance.id] = {instance.pose, instance.occludes()};
   return note;
 }
 
@@ -42,8 +41,7 @@ Note note_of(const SessionPage& page, size_t frame) {
     if (frame < instance.first_frame || frame >= instance.end_frame) continue;
     Pose pose{instance.world_from_instance[3], {1, 0, 0, 0}};
     if (movers.contains(i)) pose = movers.at(i)->poses.at(frame - instance.first_frame);
-    EXPECT_TRUE(note.emplace(instance.id, Seen{pose, instance.occludes}).second)
-        << "twice in frame " << frame;
+    EXPECT_TRUE(note.emplace(instance.id, Seen{pose, instance.occludes}).second) << "twice in frame " << frame;
   }
   return note;
 }
@@ -136,8 +134,7 @@ TEST(InstanceTimeline, EveryFrameIsAsTheMirrorWas) {
       const PageInstance& instance = page.instances[mover.instance];
       EXPECT_EQ(mover.poses.size(), std::min<size_t>(600, instance.end_frame) - instance.first_frame);
     }
-    for (const PageInstance& instance : page.instances)
-      EXPECT_EQ(instance.name, instance.id == 1 ? "one" : "");
+    for (const PageInstance& instance : page.instances) EXPECT_EQ(instance.name, instance.id == 1 ? "one" : "");
   }
 }
 
@@ -166,8 +163,7 @@ TEST(InstanceTimeline, WhatRestsCostsNoPoses) {
   size_t poses = 0;
   for (const PageMover& mover : page.movers) poses += mover.poses.size();
   EXPECT_LE(poses, 100 * 2 * (1 + kRestFrames));
-  EXPECT_TRUE(std::all_of(page.instances.begin(), page.instances.end(),
-                          [](const PageInstance& i) { return i.moves; }));
+  EXPECT_TRUE(std::all_of(page.instances.begin(), page.instances.end(), [](const PageInstance& i) { return i.moves; }));
 }
 
 }  // namespace

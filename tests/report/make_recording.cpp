@@ -1,5 +1,6 @@
 // Makes the recordings that the page's test opens in a browser.
-//   make_recording FOLDER           yard.mcap: see recorded_yard.h, in Unreal's convention; hall.mcap: the hall with its scene
+//   make_recording FOLDER           yard.mcap: see recorded_yard.h, in Unreal's convention; hall.mcap: the hall with
+//   its scene
 //                                   attached; lost.mcap: the same without the scene
 //   make_recording FOLDER MINUTES   long.mcap: so many minutes in the yard, to measure the cost of a long report
 #include <gtest/gtest.h>
@@ -35,7 +36,6 @@ int main(int argc, char** argv) {
   write(folder / "yard.mcap",
         sightline::test::record_yard(*sampler, {.convention = sightline::v1::Convention::PRESET_UNREAL}).bytes);
   write(folder / "hall.mcap", sightline::test::record_hall(*sampler, {.ticks = 300, .memory_every = 60}).bytes);
-  write(folder / "lost.mcap",
-        sightline::test::record_hall(*sampler, {.ticks = 60, .attach_scene = false}).bytes);
+  write(folder / "lost.mcap", sightline::test::record_hall(*sampler, {.ticks = 60, .attach_scene = false}).bytes);
   return testing::Test::HasFailure() ? 1 : 0;
 }

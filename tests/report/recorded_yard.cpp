@@ -81,8 +81,7 @@ class Yard {
   v1::NewInstance box(uint64_t id, const glm::dvec3& half_extent_m, const glm::dvec3& place_m) const {
     v1::NewInstance instance;
     instance.set_id(id);
-    set(glm::abs(vector_to_client(c_, half_extent_m)),
-        *instance.mutable_shape()->mutable_box()->mutable_half_extent());
+    set(glm::abs(vector_to_client(c_, half_extent_m)), *instance.mutable_shape()->mutable_box()->mutable_half_extent());
     set_pose(client_pose(place_m, 0), instance.mutable_pose());
     return instance;
   }
@@ -98,8 +97,7 @@ class Yard {
   }
 
   Pose client_pose(const glm::dvec3& place_m, double yaw) const {
-    return {position_to_client(c_, place_m),
-            rotation_to_client(c_, glm::angleAxis(yaw, glm::dvec3(0, 1, 0)))};
+    return {position_to_client(c_, place_m), rotation_to_client(c_, glm::angleAxis(yaw, glm::dvec3(0, 1, 0)))};
   }
 
   void move(uint64_t id, const glm::dvec3& place_m, double yaw, v1::Tick& tick) const {

@@ -11,9 +11,9 @@
 #include <span>
 
 #include "client/report/digest.h"
+#include "client/report/placeholders.h"
 #include "client/report/report_command.h"
 #include "client/scenario/scenario_session.h"
-#include "client/report/placeholders.h"
 #include "server/sample/embree_sampler.h"
 #include "server/wire/short_name.h"
 #include "tests/replay/recorded_hall.h"
@@ -130,7 +130,8 @@ TEST_F(ReportPage, TheSameSessionInAnyConventionIsTheSamePage) {
     return page_of(record_yard(*sampler_, {.convention = convention, .points = 0}).bytes);
   };
   const SessionPage gltf = told_in(v1::Convention::PRESET_GLTF);
-  for (const auto convention : {v1::Convention::PRESET_UNITY, v1::Convention::PRESET_UNREAL, v1::Convention::PRESET_ROS}) {
+  for (const auto convention :
+       {v1::Convention::PRESET_UNITY, v1::Convention::PRESET_UNREAL, v1::Convention::PRESET_ROS}) {
     SCOPED_TRACE(short_name(convention));
     const SessionPage other = told_in(convention);
     ASSERT_EQ(other.frames.size(), gltf.frames.size());
@@ -160,7 +161,8 @@ TEST_F(ReportPage, TheSameSessionInAnyConventionIsTheSamePage) {
         EXPECT_LT(angle_between(gltf.movers[m].poses[i].rotation, other.movers[m].poses[i].rotation), 1e-6);
       }
     for (size_t i = 0; i < gltf.instances.size(); ++i) {
-      EXPECT_LT(glm::distance(gltf.instances[i].world_from_instance[3], other.instances[i].world_from_instance[3]), 1e-6);
+      EXPECT_LT(glm::distance(gltf.instances[i].world_from_instance[3], other.instances[i].world_from_instance[3]),
+                1e-6);
       EXPECT_LT(glm::distance(gltf.instances[i].geometry->bounds.max, other.instances[i].geometry->bounds.max), 1e-4f);
     }
   }
@@ -173,9 +175,8 @@ TEST_F(ReportPage, InstancesComeGoHideAndMoveInTheirFrames) {
   ASSERT_EQ(crate.size(), 1u);
   EXPECT_EQ(crate[0]->first_frame, frame_of(yard, kYardCrateComes));
   EXPECT_EQ(crate[0]->end_frame, frame_of(yard, kYardCrateGoes));
-  const auto mover = std::find_if(page.movers.begin(), page.movers.end(), [&](const PageMover& m) {
-    return page.instances[m.instance].id == kYardCrate;
-  });
+  const auto mover = std::find_if(page.movers.begin(), page.movers.end(),
+                                  [&](const PageMover& m) { return page.instances[m.instance].id == kYardCrate; });
   ASSERT_NE(mover, page.movers.end());
   EXPECT_NEAR(mover->poses[0].position_m.x, 0, 1e-9);  // it stood still when it was added
   // 60 ticks after the first one, it stands at one metre.
@@ -195,7 +196,8 @@ double distance_to_box_m(const glm::dvec3& point_m, const glm::dvec3& centre_m, 
 
 // The floor, the wall and the pillar of the yard, before anything else comes.
 double distance_to_yard_m(const glm::dvec3& point_m) {
-  return std::min({distance_to_box_m(point_m, {0, -0.1, 0}, {20, 0.1, 20}), distance_to_box_m(point_m, {0, 2, -6}, {4, 2, 0.2}),
+  return std::min({distance_to_box_m(point_m, {0, -0.1, 0}, {20, 0.1, 20}),
+                   distance_to_box_m(point_m, {0, 2, -6}, {4, 2, 0.2}),
                    distance_to_box_m(point_m, {1.5, 2, 3}, {0.5, 2, 0.5})});
 }
 
@@ -270,8 +272,7 @@ TEST_F(ReportPage, StepsTakenAgainGiveTheCellsThatWereNotRecorded) {
 TEST_F(ReportPage, CellsEndWhereTheRecordingDiffersFromTheStepsTakenAgain) {
   const RecordedYard yard = record_yard(*sampler_, {.eventful = false});
   const SessionPage page = page_of(rewritten(yard.bytes, [](v1::CameraReply& reply) {
-    if (reply.sequence() == 100)
-      reply.mutable_pose()->mutable_position()->set_x(reply.pose().position().x() + 1e-9);
+    if (reply.sequence() == 100) reply.mutable_pose()->mutable_position()->set_x(reply.pose().position().x() + 1e-9);
   }));
   EXPECT_EQ(frames_with_cells(page), frames_with_cells(page_of(yard.bytes), 99));
   EXPECT_THAT(page.notices, ElementsAre(HasSubstr("differ from the recording from tick 100 on")));
@@ -436,8 +437,7 @@ TEST_F(ReportPage, ThinnedFramesKeepEveryChange) {
   EXPECT_GT(changes, 10u);
   EXPECT_TRUE(kept.contains(yard.replies.front().sequence()));
   EXPECT_TRUE(kept.contains(yard.replies.back().sequence()));
-  EXPECT_THAT(page.notices,
-              Contains(HasSubstr("of " + std::to_string(yard.replies.size()) + " replies are frames")));
+  EXPECT_THAT(page.notices, Contains(HasSubstr("of " + std::to_string(yard.replies.size()) + " replies are frames")));
 }
 
 TEST_F(ReportPage, MoreChangesThanFramesAreThinnedAndThePageSaysSo) {

@@ -18,10 +18,10 @@ using Line = std::array<Sample, kGrid>;
 Sample look(const EmbreeScene& scene, const MapRequest& request, double u, double v) {
   MapView view = request.view;
   view.jitter = {u, v};  // texel (0, 0) with the jitter carrying the whole texel coordinate
-  const RayHit hit = scene.trace(view.eye_m, glm::vec3(texel_direction(view, 0, 0)), static_cast<float>(view.near_m),
-                                 std::numeric_limits<float>::infinity(),
-                                 {.layer_mask = request.layer_mask, .ignored_slots = request.ignored_slots,
-                                  .ahead = request.ahead_s > 0});
+  const RayHit hit = scene.trace(
+      view.eye_m, glm::vec3(texel_direction(view, 0, 0)), static_cast<float>(view.near_m),
+      std::numeric_limits<float>::infinity(),
+      {.layer_mask = request.layer_mask, .ignored_slots = request.ignored_slots, .ahead = request.ahead_s > 0});
   return {hit.slot, hit.slot == UINT32_MAX ? 0.0 : 1.0 / hit.distance_m};
 }
 
@@ -73,7 +73,8 @@ void Agreement::add(const EmbreeScene& scene, std::span<const MapRequest> reques
       hits += embree[i].occluder[texel] != kNoOccluder;
       if (texels_agree(egl[i], embree[i], texel, tolerance)) continue;
       ++different;
-      unexcused += !has_silhouette(scene, requests[i], static_cast<int>(texel) % width, static_cast<int>(texel) / width);
+      unexcused += !has_silhouette(scene, requests[i], static_cast<int>(texel) % width,
+                                   static_cast<int>(texel) / width);
     }
   }
 }

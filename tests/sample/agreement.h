@@ -23,9 +23,9 @@ bool has_silhouette(const EmbreeScene& scene, const MapRequest& request, int x, 
 // Compares EGL's maps with Embree's. Every difference is checked with `scene`, an Embree scene of the same mirror.
 struct Agreement {
   size_t texels = 0;
-  size_t hits = 0;         // texels in which something is seen
+  size_t hits = 0;  // texels in which something is seen
   size_t different = 0;
-  size_t unexcused = 0;    // different, and no silhouette in the footprint
+  size_t unexcused = 0;  // different, and no silhouette in the footprint
   double share() const { return 1.0 - static_cast<double>(different) / static_cast<double>(texels); }
   void add(const EmbreeScene& scene, std::span<const MapRequest> requests, std::span<const DepthMap> egl,
            std::span<const DepthMap> embree, const Tolerance& tolerance = {});

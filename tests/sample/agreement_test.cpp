@@ -125,7 +125,8 @@ TransformUpdate with_random_velocities(SceneMaker& maker, TransformUpdate update
   const auto within = [&](double most) { return maker.random().next_in(-most, most); };
   for (size_t i = 0; i < update.ids.size(); ++i) {
     update.velocities_mps.emplace_back(within(3), within(1), within(3));
-    update.angular_velocities_radps.push_back(i % 2 == 0 ? glm::dvec3(0.0) : glm::dvec3(within(1), within(4), within(1)));
+    update.angular_velocities_radps.push_back(i % 2 == 0 ? glm::dvec3(0.0)
+                                                         : glm::dvec3(within(1), within(4), within(1)));
   }
   return update;
 }
@@ -134,7 +135,8 @@ TransformUpdate with_random_velocities(SceneMaker& maker, TransformUpdate update
 Pose moved_on(Pose pose, const glm::dvec3& velocity_mps, const glm::dvec3& angular_velocity_radps, double time_s) {
   constexpr int kSteps = 20'000;
   const glm::dvec3 turn = angular_velocity_radps * (time_s / kSteps);
-  for (int k = 0; k < kSteps; ++k) pose.rotation = glm::normalize(glm::dquat(1, turn.x / 2, turn.y / 2, turn.z / 2) * pose.rotation);
+  for (int k = 0; k < kSteps; ++k)
+    pose.rotation = glm::normalize(glm::dquat(1, turn.x / 2, turn.y / 2, turn.z / 2) * pose.rotation);
   pose.position_m += time_s * velocity_mps;
   return pose;
 }
@@ -154,7 +156,8 @@ TEST_F(AgreementTest, HoldsForMapsOfTheTimeAhead) {
     ASSERT_TRUE(later.apply(scene, {}));
     TransformUpdate moves = with_random_velocities(maker, maker.moves(mirror, 12));
     ASSERT_TRUE(mirror.apply({}, moves));
-    for (size_t i = 0; i < moves.ids.size(); ++i) moves.poses[i] = moved_on(moves.poses[i], moves.velocities_mps[i], moves.angular_velocities_radps[i], kAheadS);
+    for (size_t i = 0; i < moves.ids.size(); ++i)
+      moves.poses[i] = moved_on(moves.poses[i], moves.velocities_mps[i], moves.angular_velocities_radps[i], kAheadS);
     ASSERT_TRUE(later.apply({}, moves));
 
     Requests requests = random_requests(maker, 12);

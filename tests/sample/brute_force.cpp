@@ -17,8 +17,8 @@ double hit_distance(const Triangle& triangle, const glm::dvec3& origin, const gl
   return glm::dot(ac, q) / det;
 }
 
-BruteHit brute_trace(const SceneMirror& mirror, bool occluders, const glm::dvec3& origin,
-                     const glm::dvec3& direction, double near, const RayFilter& filter) {
+BruteHit brute_trace(const SceneMirror& mirror, bool occluders, const glm::dvec3& origin, const glm::dvec3& direction,
+                     double near, const RayFilter& filter) {
   BruteHit best;
   for (uint32_t slot = 0; slot < mirror.instances().size(); ++slot) {
     const Instance& instance = mirror.instances()[slot];

@@ -34,7 +34,7 @@ struct BruteHit {
 };
 
 // The first hit beyond `near` on instances that occlude, or that collide, in their present poses.
-BruteHit brute_trace(const SceneMirror& mirror, bool occluders, const glm::dvec3& origin,
-                     const glm::dvec3& direction, double near, const RayFilter& filter);
+BruteHit brute_trace(const SceneMirror& mirror, bool occluders, const glm::dvec3& origin, const glm::dvec3& direction,
+                     double near, const RayFilter& filter);
 
 }  // namespace sightline::test

@@ -39,10 +39,8 @@ TEST(CullTest, ABoxThatHoldsAPointOfASampleRayMayShowThere) {
     const double depth = view.near_m + maker.random().next_in(0.001, 10.0);
     const glm::vec3 on_ray(view.eye_m + depth * texel_direction(view, x, y));
     Aabb box, other;
-    box.grow(on_ray -
-             glm::vec3(maker.random().next_unit(), maker.random().next_unit(), maker.random().next_unit()));
-    box.grow(on_ray +
-             glm::vec3(maker.random().next_unit(), maker.random().next_unit(), maker.random().next_unit()));
+    box.grow(on_ray - glm::vec3(maker.random().next_unit(), maker.random().next_unit(), maker.random().next_unit()));
+    box.grow(on_ray + glm::vec3(maker.random().next_unit(), maker.random().next_unit(), maker.random().next_unit()));
     other.grow(glm::vec3(maker.pose().position_m) - 0.1f), other.grow(other.min + 0.2f);
     const BoxTest test(grid, {glm::vec3(-30.0f), glm::vec3(30.0f)});
     Footprint where;
@@ -226,7 +224,8 @@ void expect_tree_of(const OccluderTree& tree, const std::set<uint32_t>& slots, c
       EXPECT_TRUE(found.insert(tree.occluders[i].slot).second);
       for (const double at_s : {0.0, 0.3 * ahead_s, ahead_s})
         for (int axis = 0; axis < 3; ++axis) {
-          const double center = transform_point(world_from_instance_ahead(instance, at_s), glm::dvec3(instance.geometry->center))[axis];
+          const double center = transform_point(world_from_instance_ahead(instance, at_s),
+                                                glm::dvec3(instance.geometry->center))[axis];
           EXPECT_LE(node.bounds.min[axis], center - instance.radius_m);
           EXPECT_GE(node.bounds.max[axis], center + instance.radius_m);
         }
@@ -244,7 +243,8 @@ TEST(OccluderTreeTest, HoldsEveryOccluderOnceWithinItsBoxesNowAndAhead) {
     OccluderTable table;
     for (int round = 0; round < 3; ++round) {
       TransformUpdate moves = maker.moves(mirror, 40);
-      for (size_t i = 0; i < moves.ids.size(); ++i) moves.velocities_mps.emplace_back(3.0, -1.0, 2.0), moves.angular_velocities_radps.emplace_back(i % 3, 4.0, 0.0);
+      for (size_t i = 0; i < moves.ids.size(); ++i)
+        moves.velocities_mps.emplace_back(3.0, -1.0, 2.0), moves.angular_velocities_radps.emplace_back(i % 3, 4.0, 0.0);
       ASSERT_TRUE(mirror.apply({}, moves));
       table.take_in(mirror, kAheadS);
       std::set<uint32_t> fixed, moving;

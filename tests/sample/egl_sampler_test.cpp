@@ -1,4 +1,5 @@
-// Promises of the EGL device beyond correct maps: sessions on several threads, sessions taken together, recovery from a lost context.
+// Promises of the EGL device beyond correct maps: sessions on several threads, sessions taken together, recovery from a
+// lost context.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -114,7 +115,8 @@ TEST(EglSamplerTest, AMapThatEndsShowsAllThatIsNearer) {
     ASSERT_TRUE(sampler->take(mirror, requests, ended));
     for (size_t i = 0; i < endless.size(); ++i)
       for (size_t texel = 0; texel < endless[i].distance_m.size(); ++texel) {
-        const int width = endless[i].view.width, x = static_cast<int>(texel) % width, y = static_cast<int>(texel) / width;
+        const int width = endless[i].view.width, x = static_cast<int>(texel) % width,
+                  y = static_cast<int>(texel) / width;
         const bool is_nearer = endless[i].depth_at(x, y) <= far_m;
         nearer += is_nearer;
         left_out += ended[i].occluder[texel] == kNoOccluder && endless[i].occluder[texel] != kNoOccluder;
@@ -236,7 +238,11 @@ TEST(EglSamplerTest, AViewThatIsNotFiniteFailsItsOwnTakeOnly) {
   std::vector<TakeJob> jobs;
   for (size_t i = 0; i < maps.size(); ++i) {
     samplers.push_back(device.make_sampler());
-    jobs.push_back({.sampler = samplers[i].get(), .mirror = &mirror, .requests = i == 0 ? bad : good, .maps = &maps[i], .taken = {}});
+    jobs.push_back({.sampler = samplers[i].get(),
+                    .mirror = &mirror,
+                    .requests = i == 0 ? bad : good,
+                    .maps = &maps[i],
+                    .taken = {}});
   }
   device.take_all(jobs);
   ASSERT_FALSE(jobs[0].taken);

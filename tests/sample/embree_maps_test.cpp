@@ -51,9 +51,9 @@ size_t count_differences(const SceneMirror& mirror, const MapRequest& request, c
       const double distance_m = want.distance * glm::length(direction);
       const bool tie = want.second - want.distance < 1e-5 * want.distance;
       const bool same_slot = map.occluder_at(x, y) == want.slot || tie;
-      const bool same_distance =
-          want.slot == kNoOccluder ? std::isinf(map.distance_at(x, y))
-                                   : std::abs(map.distance_at(x, y) - distance_m) < 1e-5 * distance_m + 1e-5;
+      const bool same_distance = want.slot == kNoOccluder
+                                     ? std::isinf(map.distance_at(x, y))
+                                     : std::abs(map.distance_at(x, y) - distance_m) < 1e-5 * distance_m + 1e-5;
       different += !(same_slot && same_distance);
     }
   return different;
@@ -91,8 +91,7 @@ TEST_F(EmbreeMapsTest, AreThoseOfBruteForceWhileTheSceneChanges) {
     for (int round = 0; round < 4; ++round) {
       const Requests requests(maker, mirror.instances().size(), 4);
       ASSERT_TRUE(sampler->take(mirror, requests.all, maps));
-      for (size_t i = 0; i < maps.size(); ++i)
-        different += count_differences(mirror, requests.all[i], maps[i]);
+      for (size_t i = 0; i < maps.size(); ++i) different += count_differences(mirror, requests.all[i], maps[i]);
       texels += count_texels(maps);
       SceneDelta delta;
       const uint64_t victim = 1 + maker.random().next_below(12);
@@ -160,12 +159,15 @@ TEST_F(EmbreeMapsTest, HoldWhatTheSceneWillBeAhead) {
     TransformUpdate moves = maker.moves(mirrors[0], 12);
     moves.velocities_mps.resize(moves.ids.size(), {1.5, -0.5, 2.0});
     const glm::dvec3 turning_radps(0.0, 2.5, 0.0);
-    for (size_t i = 0; i < moves.ids.size(); ++i) moves.angular_velocities_radps.push_back(i % 2 == 0 ? turning_radps : glm::dvec3(0.0));
+    for (size_t i = 0; i < moves.ids.size(); ++i)
+      moves.angular_velocities_radps.push_back(i % 2 == 0 ? turning_radps : glm::dvec3(0.0));
     for (size_t k = 0; k < mirrors.size(); ++k) {
       TransformUpdate then = moves;
       for (size_t i = 0; i < moves.ids.size(); ++i) {
         then.poses[i].position_m += kAheadS[k] * moves.velocities_mps[i];
-        if (i % 2 == 0) then.poses[i].rotation = glm::angleAxis(kAheadS[k] * turning_radps.y, glm::dvec3(0, 1, 0)) * then.poses[i].rotation;
+        if (i % 2 == 0)
+          then.poses[i].rotation = glm::angleAxis(kAheadS[k] * turning_radps.y, glm::dvec3(0, 1, 0)) *
+                                   then.poses[i].rotation;
       }
       ASSERT_TRUE(mirrors[k].apply({}, then));
     }
@@ -296,7 +298,8 @@ int64_t processor_runs() {
   return now_ns += 1000;
 }
 
-// A take is given up by what its thread has used of the processor. However long it takes by the wall, a thread that does not run refuses nothing.
+// A take is given up by what its thread has used of the processor. However long it takes by the wall, a thread that
+// does not run refuses nothing.
 TEST(EmbreeSampler, GivesUpByProcessorTimeAlone) {
   SceneMaker maker(12);
   SceneMirror mirror;

@@ -64,8 +64,11 @@ TEST_F(EmbreeSceneTest, TracesAsBruteForceDoesUnderEveryFilter) {
     EmbreeScene scene(device_, occluders ? EmbreeScene::Content::kOccluders : EmbreeScene::Content::kColliders);
     scene.take_in(mirror);
     const std::vector<uint32_t> ignored = maker.ignored(12);
-    const std::vector<RayFilter> filters{
-        {}, {.layer_mask = 2}, {.ignored_slots = ignored}, {.layer_mask = 5, .ignored_slots = ignored}, {.only_slot = 3}};
+    const std::vector<RayFilter> filters{{},
+                                         {.layer_mask = 2},
+                                         {.ignored_slots = ignored},
+                                         {.layer_mask = 5, .ignored_slots = ignored},
+                                         {.only_slot = 3}};
     for (const RayFilter& filter : filters) {
       different += count_differences(mirror, scene, occluders, maker, filter, 50);
       rays += 50;
@@ -221,7 +224,8 @@ TEST_F(EmbreeSceneTest, SeeThroughTrianglesCollideButDoNotOcclude) {
   SceneDelta delta;
   delta.add.push_back({.id = 1, .geometry = build_geometry(mesh).value(), .pose = {}, .attributes = {}});
   ASSERT_TRUE(mirror.apply(delta, {}));
-  EmbreeScene occluders(device_, EmbreeScene::Content::kOccluders), colliders(device_, EmbreeScene::Content::kColliders);
+  EmbreeScene occluders(device_, EmbreeScene::Content::kOccluders),
+      colliders(device_, EmbreeScene::Content::kColliders);
   occluders.take_in(mirror);
   colliders.take_in(mirror);
   EXPECT_FLOAT_EQ(occluders.trace({0, 0, 0}, {0, 0, -1}, 0.01f, 10.0f).distance_m, 2.0f);

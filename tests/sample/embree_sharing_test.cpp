@@ -92,7 +92,11 @@ TEST_F(EmbreeSharingTest, NoSessionSeesWhatAnotherChanges) {
     if (round % 3 == 0)
       changed.hide(id);
     else
-      ASSERT_TRUE(changed.mirror.apply({}, {.ids = {id}, .poses = {maker_.pose()}, .velocities_mps = {}, .angular_velocities_radps = {}, .corrections_m = {}}));
+      ASSERT_TRUE(changed.mirror.apply({}, {.ids = {id},
+                                            .poses = {maker_.pose()},
+                                            .velocities_mps = {},
+                                            .angular_velocities_radps = {},
+                                            .corrections_m = {}}));
     request.view = maker_.view();
     for (const auto& session : sessions) EXPECT_TRUE(is_as_brute_force(*session, request));
     if (round == 10) sessions.erase(sessions.begin());  // the first session, which built the shared scenes

@@ -20,8 +20,7 @@ GeometryPtr shape(const Shape& shape) {
 }
 
 ExtentView random_view(CounterRandom& random, double distance) {
-  const double y = random.next_in(-1, 1), angle = random.next_in(0, 6.283185307179586),
-               around = std::sqrt(1 - y * y);
+  const double y = random.next_in(-1, 1), angle = random.next_in(0, 6.283185307179586), around = std::sqrt(1 - y * y);
   return {{around * std::cos(angle), y, around * std::sin(angle)}, distance};
 }
 
@@ -39,11 +38,9 @@ TEST(Extent, BlendedViewsAreNotTurned) {
     const glm::dvec3 at = glm::dvec3(body->center) + viewer.direction * (viewer.distance * body->radius_m);
     const glm::dvec3 right = glm::normalize(glm::cross(glm::dvec3(0, 1, 0), viewer.direction));
     const auto share_left = [&](std::span<const glm::vec3> points) {
-      return static_cast<double>(std::count_if(points.begin(), points.end(),
-                                               [&](const glm::vec3& p) {
-                                                 return glm::dot(glm::dvec3(p) - glm::dvec3(body->center),
-                                                                 right) < 0;
-                                               })) /
+      return static_cast<double>(std::count_if(
+                 points.begin(), points.end(),
+                 [&](const glm::vec3& p) { return glm::dot(glm::dvec3(p) - glm::dvec3(body->center), right) < 0; })) /
              static_cast<double>(points.size());
     };
     double mean = 0.0;
@@ -60,8 +57,8 @@ TEST(Extent, BlendedViewsAreNotTurned) {
   EXPECT_EQ(table->points_blended(middle, {0.5, 0.5}).data(), table->points(middle).data());
 }
 
-// The places from which a blended viewer looks fill a disc evenly, across its line of sight. The disc is as large as the part of the sphere that
-// one direction has. So a view is chosen as often as the disc lies nearest to it.
+// The places from which a blended viewer looks fill a disc evenly, across its line of sight. The disc is as large as
+// the part of the sphere that one direction has. So a view is chosen as often as the disc lies nearest to it.
 TEST(Extent, BlendedViewsAreChosenInProportionToTheirNearness) {
   const GeometryPtr body = shape(CapsuleShape{0.3f, 0.6f});
   const auto table = ExtentTable::build(*body);
@@ -69,8 +66,10 @@ TEST(Extent, BlendedViewsAreChosenInProportionToTheirNearness) {
   CounterRandom random(63, 0, RandomPurpose::kTest);
   for (int i = 0; i < 8; ++i) {
     const ExtentView viewer = random_view(random, 10.0);
-    const glm::dvec3 along = viewer.direction * (viewer.distance * body->radius_m), at = glm::dvec3(body->center) + along;
-    const glm::dvec3 right = glm::normalize(glm::cross(glm::dvec3(0.3, 1, 0.2), viewer.direction)), up = glm::cross(viewer.direction, right);
+    const glm::dvec3 along = viewer.direction * (viewer.distance * body->radius_m),
+                     at = glm::dvec3(body->center) + along;
+    const glm::dvec3 right = glm::normalize(glm::cross(glm::dvec3(0.3, 1, 0.2), viewer.direction)),
+                     up = glm::cross(viewer.direction, right);
     constexpr int kDraws = 10'000;
     std::map<const glm::vec3*, double> more;  // by view: the share of draws above what the disc says
     for (int draw = 0; draw < kDraws; ++draw) {

@@ -51,8 +51,7 @@ MeshData torus_mesh() {
   MeshData mesh;
   for (uint32_t i = 0; i < kAround; ++i)
     for (uint32_t j = 0; j < kAcross; ++j) {
-      const float a = 6.2831853f * static_cast<float>(i) / kAround,
-                  b = 6.2831853f * static_cast<float>(j) / kAcross;
+      const float a = 6.2831853f * static_cast<float>(i) / kAround, b = 6.2831853f * static_cast<float>(j) / kAcross;
       const float out = 2.0f + 0.6f * std::cos(b);
       mesh.positions.push_back({100 + out * std::cos(a), -50 + 0.6f * std::sin(b), 30 + out * std::sin(a)});
     }
@@ -105,8 +104,7 @@ double hit_distance(const Triangle& triangle, const glm::dvec3& origin, const gl
   return t > 0 ? t : kInfinity;
 }
 
-double brute_first_hit(const std::vector<Triangle>& triangles, const glm::dvec3& origin,
-                       const glm::dvec3& direction) {
+double brute_first_hit(const std::vector<Triangle>& triangles, const glm::dvec3& origin, const glm::dvec3& direction) {
   double nearest = kInfinity;
   for (const Triangle& t : triangles) nearest = std::min(nearest, hit_distance(t, origin, direction));
   return nearest;
@@ -126,10 +124,7 @@ struct TestCamera {
   double radius, distance;
 
   TestCamera(const Geometry& geometry, const ExtentView& view, CounterRandom& random)
-      : center(geometry.center),
-        direction(view.direction),
-        radius(geometry.radius_m),
-        distance(view.distance) {
+      : center(geometry.center), direction(view.direction), radius(geometry.radius_m), distance(view.distance) {
     const glm::dvec3 any(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1));
     right = glm::normalize(glm::cross(direction, any));
     up = glm::cross(direction, right);
@@ -148,8 +143,7 @@ struct TestCamera {
 };
 
 ExtentView random_view(CounterRandom& random, double distance) {
-  const double y = random.next_in(-1, 1), angle = random.next_in(0, 6.283185307179586),
-               around = std::sqrt(1 - y * y);
+  const double y = random.next_in(-1, 1), angle = random.next_in(0, 6.283185307179586), around = std::sqrt(1 - y * y);
   return {{around * std::cos(angle), y, around * std::sin(angle)}, distance};
 }
 
@@ -158,8 +152,7 @@ class Coverage {
  public:
   static constexpr int kSide = 384;
 
-  Coverage(const std::vector<Triangle>& triangles, const TestCamera& camera)
-      : covered_(kSide * kSide, false) {
+  Coverage(const std::vector<Triangle>& triangles, const TestCamera& camera) : covered_(kSide * kSide, false) {
     for (const Triangle& t : triangles) draw({camera.project(t.a), camera.project(t.b), camera.project(t.c)});
   }
   bool at(int x, int y) const { return covered_[static_cast<size_t>(y * kSide + x)]; }
@@ -208,8 +201,8 @@ ChiSquare uniformity(const Coverage& coverage, const std::vector<glm::dvec2>& po
   for (int y = 0; y < Coverage::kSide; ++y)
     for (int x = 0; x < Coverage::kSide; ++x)
       if (coverage.at(x, y)) ++expected[static_cast<size_t>(y / kPixels * kCells + x / kPixels)];
-  const double points_a_pixel =
-      static_cast<double>(points.size()) / (coverage.share() * Coverage::kSide * Coverage::kSide);
+  const double points_a_pixel = static_cast<double>(points.size()) /
+                                (coverage.share() * Coverage::kSide * Coverage::kSide);
   for (const glm::dvec2& p : points)
     ++got[static_cast<size_t>(Coverage::pixel(p.y) / kPixels * kCells + Coverage::pixel(p.x) / kPixels)];
   ChiSquare result;
@@ -230,9 +223,8 @@ ChiSquare uniformity(const Coverage& coverage, const std::vector<glm::dvec2>& po
 }
 
 // Takes one point for each seed, the (seed modulo `among`)th, so that the points are independent.
-std::vector<glm::dvec2> one_point_a_seed(const RayCaster& caster, const ExtentView& view,
-                                         const TestCamera& camera, size_t seeds,
-                                         size_t among = kExtentPoints) {
+std::vector<glm::dvec2> one_point_a_seed(const RayCaster& caster, const ExtentView& view, const TestCamera& camera,
+                                         size_t seeds, size_t among = kExtentPoints) {
   std::vector<glm::dvec2> image;
   std::array<glm::vec3, kExtentPoints> points;
   for (size_t seed = 0; seed < seeds; ++seed) {
@@ -249,8 +241,7 @@ std::vector<glm::dvec2> even_over_surface(const std::vector<Triangle>& triangles
                                           CounterRandom& random, size_t count) {
   std::vector<double> area_up_to;
   double area = 0.0;
-  for (const Triangle& t : triangles)
-    area_up_to.push_back(area += glm::length(glm::cross(t.b - t.a, t.c - t.a)));
+  for (const Triangle& t : triangles) area_up_to.push_back(area += glm::length(glm::cross(t.b - t.a, t.c - t.a)));
   std::vector<glm::dvec2> image;
   while (image.size() < count) {
     const auto at = std::ranges::upper_bound(area_up_to, random.next_in(0, area));
@@ -312,8 +303,7 @@ TEST(Extent, EachPointIsUniformInThePicture) {
     for (const double distance : {1.3, 3.0, 8.0, kInfinity}) {
       const ExtentView view = random_view(random, distance);
       const TestCamera camera(*geometry, view, random);
-      const ChiSquare chi =
-          uniformity(Coverage(triangles, camera), one_point_a_seed(caster, view, camera, 6000));
+      const ChiSquare chi = uniformity(Coverage(triangles, camera), one_point_a_seed(caster, view, camera, 6000));
       EXPECT_GT(chi.freedom, 20) << name;
       EXPECT_TRUE(chi.passes()) << name << " from " << distance << " radii: " << chi.statistic << " with "
                                 << chi.freedom << " degrees of freedom, critical " << chi.critical();
@@ -360,8 +350,7 @@ TEST(Extent, TheUniformityTestRefusesASamplerThatIsEvenOverTheSurface) {
     const auto triangles = triangles_of(*geometry);
     CounterRandom random(4, 0, RandomPurpose::kTest);
     const TestCamera camera(*geometry, random_view(random, 3.0), random);
-    const ChiSquare chi =
-        uniformity(Coverage(triangles, camera), even_over_surface(triangles, camera, random, 4000));
+    const ChiSquare chi = uniformity(Coverage(triangles, camera), even_over_surface(triangles, camera, random, 4000));
     EXPECT_FALSE(chi.passes()) << name << ": " << chi.statistic << " of " << chi.critical();
   }
 }
@@ -403,8 +392,7 @@ TEST(Extent, NoPartOfThePictureIsFarFromAPoint) {
       const Coverage coverage(triangles, camera);
       EXPECT_LT(dispersion(coverage, projected(camera, table->points_of_view(index))), kBound)
           << name << " view " << index;
-      by_chance =
-          std::max(by_chance, dispersion(coverage, one_point_a_seed(caster, view, camera, kExtentPoints)));
+      by_chance = std::max(by_chance, dispersion(coverage, one_point_a_seed(caster, view, camera, kExtentPoints)));
     }
   }
   EXPECT_GT(by_chance, kBound);  // independent points would not keep this bound
@@ -445,8 +433,7 @@ TEST(Extent, EveryViewerFindsAViewWithin15Degrees) {
     worst = std::min(worst, glm::dot(view.direction, viewer.direction));
     for (size_t other = 0; other < kExtentViews; ++other) {
       const ExtentView candidate = ExtentTable::view(other);
-      ASSERT_LE(glm::dot(candidate.direction, viewer.direction),
-                glm::dot(view.direction, viewer.direction) + 1e-9);
+      ASSERT_LE(glm::dot(candidate.direction, viewer.direction), glm::dot(view.direction, viewer.direction) + 1e-9);
     }
     const double inverse = std::min(1.0, 1.0 / viewer.distance);
     for (const double distance : kExtentDistances)
@@ -466,8 +453,7 @@ TEST(Extent, RoundRobinUsesEveryPointOnceARound) {
     for (uint64_t tick = start; tick < start + ticks; ++tick) {
       pick_points(points, tick, count, picked);
       ASSERT_EQ(picked.size(), count);
-      for (const glm::vec3& p : picked)
-        ++used[static_cast<size_t>(std::ranges::find(points, p) - points.begin())];
+      for (const glm::vec3& p : picked) ++used[static_cast<size_t>(std::ranges::find(points, p) - points.begin())];
     }
     EXPECT_EQ(std::ranges::count(used, 0), 0) << count;
     if (kExtentPoints % count == 0) {
@@ -530,8 +516,7 @@ TEST(Extent, AGeometryWithoutTrianglesHasItsCentreForEveryViewer) {
 
 TEST(Extent, AThinDiagonalRodHasAllItsPoints) {
   MeshData mesh;
-  append(mesh, CylinderShape{0.01f, 1.0f}, glm::angleAxis(0.9f, glm::normalize(glm::vec3(1, 1, 1))),
-         {5, 6, 7});
+  append(mesh, CylinderShape{0.01f, 1.0f}, glm::angleAxis(0.9f, glm::normalize(glm::vec3(1, 1, 1))), {5, 6, 7});
   const auto table = ExtentTable::build(*build_geometry(std::move(mesh)).value());
   for (size_t view = 0; view < kExtentViews; ++view) {
     const auto points = table->points_of_view(view);

@@ -44,7 +44,8 @@ TEST(SamplerChoice, AutoTakesEglWhereADeviceIsNamedOrAGpuRequired) {
   for (const EglOptions& options : {EglOptions{.device_index = 0}, EglOptions{.require_gpu = true}}) {
     const auto decision = decide_sampler(SamplerChoice::kAuto, options, some_gpu);
     EXPECT_EQ(decision->sampler, SamplerChoice::kEgl);
-    EXPECT_NE(decision->reason.find(options.require_gpu ? "--require-gpu" : "--egl-device"), std::string::npos) << decision->reason;
+    EXPECT_NE(decision->reason.find(options.require_gpu ? "--require-gpu" : "--egl-device"), std::string::npos)
+        << decision->reason;
     EXPECT_NE(decision->reason.find("Some GPU"), std::string::npos) << decision->reason;
   }
 }

@@ -12,10 +12,17 @@ std::shared_ptr<const Geometry> SceneMaker::shape() {
               c = static_cast<float>(random_.next_in(0.2, 1.5));
   Shape shape = BoxShape{{a, b, c}};
   switch (random_.next_below(4)) {
-    case 1: shape = SphereShape{a}; break;
-    case 2: shape = CapsuleShape{a, b}; break;
-    case 3: shape = CylinderShape{a, b}; break;
-    default: break;
+    case 1:
+      shape = SphereShape{a};
+      break;
+    case 2:
+      shape = CapsuleShape{a, b};
+      break;
+    case 3:
+      shape = CylinderShape{a, b};
+      break;
+    default:
+      break;
   }
   return build_geometry(tessellate(shape).value()).value();
 }

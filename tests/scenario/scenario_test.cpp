@@ -40,8 +40,7 @@ struct Asset {
     n.translation_m = at, n.rotation = rotation, n.scale = scale;
     n.parent_from_node = make_affine(at, rotation, scale);
   }
-  AssetChannel& animate(int node, AssetChannel::Path path, std::vector<float> times,
-                        std::vector<float> values) {
+  AssetChannel& animate(int node, AssetChannel::Path path, std::vector<float> times, std::vector<float> values) {
     if (asset->animations.empty()) asset->animations.push_back({"scenario", 0.0, {}});
     AssetAnimation& animation = asset->animations.front();
     animation.duration_s = std::max<double>(animation.duration_s, times.back());
@@ -164,8 +163,7 @@ TEST(ScenarioMotion, PositionsAreLinearBetweenKeysAndStayOutsideThem) {
 TEST(ScenarioMotion, RotationsTakeTheShortWayAtConstantSpeed) {
   Asset asset;
   const int anna = asset.add("anna", role("target"));
-  const glm::dquat to =
-      -turn(100, {1, 2, 3});  // the other sign of the same rotation: the long way if taken as it is
+  const glm::dquat to = -turn(100, {1, 2, 3});  // the other sign of the same rotation: the long way if taken as it is
   asset.animate(anna, AssetChannel::Path::kRotation, {0, 2},
                 {0, 0, 0, 1, float(to.x), float(to.y), float(to.z), float(to.w)});
   const auto scenario = asset.read();
@@ -198,9 +196,8 @@ TEST(ScenarioMotion, ScaleAndMirroringLeaveTheRotationAlone) {
   asset.place(anna, {0, 0, 0}, turn(20, {0, 0, 1}), {2, 3, -0.5});
   const glm::dquat q = turn(70, {0, 1, 1});
   const glm::dquat p = turn(20, {0, 0, 1});
-  asset.animate(
-      anna, AssetChannel::Path::kRotation, {0, 1},
-      {float(p.x), float(p.y), float(p.z), float(p.w), float(q.x), float(q.y), float(q.z), float(q.w)});
+  asset.animate(anna, AssetChannel::Path::kRotation, {0, 1},
+                {float(p.x), float(p.y), float(p.z), float(p.w), float(q.x), float(q.y), float(q.z), float(q.w)});
   const auto scenario = asset.read();
   ASSERT_TRUE(scenario);
   EXPECT_LT(angle_deg(scenario->poses_at(0)[0].rotation, p), 1e-3);

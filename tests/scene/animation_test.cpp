@@ -37,8 +37,7 @@ class Animation : public testing::Test {
 };
 
 TEST_F(Animation, LinearTranslationIsMixedAndClampedAtBothEnds) {
-  file.animation(file.add("nodes", {{"scale", {2, 2, 2}}}), "translation", "LINEAR", {1, 3},
-                 {0, 0, 0, 4, 0, 8});
+  file.animation(file.add("nodes", {{"scale", {2, 2, 2}}}), "translation", "LINEAR", {1, 3}, {0, 0, 0, 4, 0, 8});
   load();
   EXPECT_EQ(asset->animations[0].duration_s, 3.0);
   expect_near(world_at(0.0)[3], {0, 0, 0});
@@ -48,8 +47,7 @@ TEST_F(Animation, LinearTranslationIsMixedAndClampedAtBothEnds) {
 }
 
 TEST_F(Animation, StepHoldsTheKeyUntilTheNext) {
-  file.animation(file.add("nodes", {{"name", "n"}}), "translation", "STEP", {0, 1, 2},
-                 {1, 0, 0, 2, 0, 0, 3, 0, 0});
+  file.animation(file.add("nodes", {{"name", "n"}}), "translation", "STEP", {0, 1, 2}, {1, 0, 0, 2, 0, 0, 3, 0, 0});
   load();
   expect_near(world_at(0.999)[3], {1, 0, 0});
   expect_near(world_at(1.0)[3], {2, 0, 0});
@@ -58,16 +56,14 @@ TEST_F(Animation, StepHoldsTheKeyUntilTheNext) {
 
 TEST_F(Animation, RotationTurnsAtConstantSpeed) {
   // A quarter turn about Z in one second: after a third of it, 30 degrees.
-  file.animation(file.add("nodes", {{"name", "n"}}), "rotation", "LINEAR", {0, 1},
-                 {0, 0, 0, 1, 0, 0, kHalf, kHalf});
+  file.animation(file.add("nodes", {{"name", "n"}}), "rotation", "LINEAR", {0, 1}, {0, 0, 0, 1, 0, 0, kHalf, kHalf});
   load();
   const double angle = std::acos(-1.0) / 6.0;
   expect_near(world_at(1.0 / 3.0)[0], {std::cos(angle), std::sin(angle), 0});
 }
 
 TEST_F(Animation, RotationTakesTheShortWayRound) {
-  file.animation(file.add("nodes", {{"name", "n"}}), "rotation", "LINEAR", {0, 1},
-                 {0, 0, 0, 1, 0, 0, -kHalf, -kHalf});
+  file.animation(file.add("nodes", {{"name", "n"}}), "rotation", "LINEAR", {0, 1}, {0, 0, 0, 1, 0, 0, -kHalf, -kHalf});
   load();
   expect_near(world_at(0.5)[0], {std::cos(std::acos(-1.0) / 4), std::sin(std::acos(-1.0) / 4), 0});
 }
@@ -87,12 +83,10 @@ TEST_F(Animation, CubicSplinesFollowTheHermiteFormula) {
   load();
   const double s = 0.3, s2 = s * s, s3 = s2 * s, d = 4.0;
   const auto hermite = [&](double v0, double b0, double v1, double a1) {
-    return (2 * s3 - 3 * s2 + 1) * v0 + d * (s3 - 2 * s2 + s) * b0 + (-2 * s3 + 3 * s2) * v1 +
-           d * (s3 - s2) * a1;
+    return (2 * s3 - 3 * s2 + 1) * v0 + d * (s3 - 2 * s2 + s) * b0 + (-2 * s3 + 3 * s2) * v1 + d * (s3 - s2) * a1;
   };
   const Affine world = world_at(s * d);
-  expect_near({world[0].x, world[1].y, world[2].z},
-              {hermite(1, 2, 7, -3), hermite(1, 0, 8, 5), hermite(1, -1, 9, 0)});
+  expect_near({world[0].x, world[1].y, world[2].z}, {hermite(1, 2, 7, -3), hermite(1, 0, 8, 5), hermite(1, -1, 9, 0)});
 }
 
 TEST_F(Animation, CubicRotationsAreNormalized) {
@@ -122,16 +116,16 @@ TEST_F(Animation, ChildrenMoveWithTheirParent) {
 }
 
 TEST_F(Animation, ADecomposedMatrixCanBeAnimated) {
-  file.animation(file.add("nodes", {{"matrix", {2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 1, 2, 3, 1}}}),
-                 "translation", "LINEAR", {0, 1}, {0, 0, 0, 8, 0, 0});
+  file.animation(file.add("nodes", {{"matrix", {2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 1, 2, 3, 1}}}), "translation",
+                 "LINEAR", {0, 1}, {0, 0, 0, 8, 0, 0});
   load();
   expect_near(world_at(1.0)[3], {8, 0, 0});
   expect_near(world_at(1.0)[1], {0, 2, 0});
 }
 
 TEST_F(Animation, AShearedNodeStaysWhereItIsWithAWarning) {
-  file.animation(file.add("nodes", {{"matrix", {1, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 0, 1, 2, 3, 1}}}),
-                 "translation", "LINEAR", {0, 1}, {0, 0, 0, 8, 0, 0});
+  file.animation(file.add("nodes", {{"matrix", {1, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 0, 1, 2, 3, 1}}}), "translation",
+                 "LINEAR", {0, 1}, {0, 0, 0, 8, 0, 0});
   load();
   EXPECT_TRUE(asset->animations.at(0).channels.empty());
   expect_near(world_at(1.0)[3], {1, 2, 3});
@@ -199,7 +193,8 @@ TEST_F(Animation, ARotationWithoutDirectionIsNamedByItsKey) {
   const std::vector<float> zero = {0, 0, 0, 0}, one = {0, 0, 0, 1};
   const auto spline = [&](const std::vector<float>& first, const std::vector<float>& second) {
     std::vector<float> values;
-    for (const auto* part : {&zero, &first, &zero, &zero, &second, &zero}) values.insert(values.end(), part->begin(), part->end());
+    for (const auto* part : {&zero, &first, &zero, &zero, &second, &zero})
+      values.insert(values.end(), part->begin(), part->end());
     return values;
   };
   EXPECT_EQ(field("CUBICSPLINE", spline(one, one)), "");

@@ -48,14 +48,13 @@ double reference_distance(const std::vector<Triangle>& triangles, const glm::dve
 }
 
 // The triangles that a sphere on the path could touch; this keeps the dense sampling quick.
-std::vector<Triangle> near_path(const std::vector<Triangle>& triangles, const glm::dvec3& from,
-                                const glm::dvec3& to, double reach) {
+std::vector<Triangle> near_path(const std::vector<Triangle>& triangles, const glm::dvec3& from, const glm::dvec3& to,
+                                double reach) {
   std::vector<Triangle> near;
   for (const Triangle& t : triangles) {
     const glm::dvec3 low = glm::min(t[0], glm::min(t[1], t[2])) - reach,
                      high = glm::max(t[0], glm::max(t[1], t[2])) + reach;
-    if (glm::all(glm::lessThan(low, glm::max(from, to))) &&
-        glm::all(glm::greaterThan(high, glm::min(from, to))))
+    if (glm::all(glm::lessThan(low, glm::max(from, to))) && glm::all(glm::greaterThan(high, glm::min(from, to))))
       near.push_back(t);
   }
   return near;
@@ -147,14 +146,12 @@ TEST(Clearance, IsTheReachWhenNothingIsNearer) {
 TEST(Clearance, OnlyCollidersWithinReachAndNotIgnoredAreGathered) {
   const auto box = build_geometry(tessellate(BoxShape{}).value()).value();
   SceneMirror mirror;
-  NewInstance hidden = placed(2, box), ghost = placed(3, box),
-              glass = placed(4, box, {{0, 5, 0}, {1, 0, 0, 0}});
+  NewInstance hidden = placed(2, box), ghost = placed(3, box), glass = placed(4, box, {{0, 5, 0}, {1, 0, 0, 0}});
   hidden.attributes.visible = false;
   ghost.attributes.collides = false;
   glass.attributes.opacity = 0.1f;
   glass.attributes.occludes = false;
-  for (const NewInstance& i : {placed(1, box, {{100, 0, 0}, {1, 0, 0, 0}}), hidden, ghost, glass})
-    add(mirror, i);
+  for (const NewInstance& i : {placed(1, box, {{100, 0, 0}, {1, 0, 0, 0}}), hidden, ghost, glass}) add(mirror, i);
   ClearanceField field;
   field.gather(mirror, {0, 0, 0}, 10, {});
   EXPECT_EQ(field.collider_count(), 1u);
@@ -166,8 +163,8 @@ TEST(Clearance, OnlyCollidersWithinReachAndNotIgnoredAreGathered) {
   EXPECT_EQ(field.collider_count(), 1u);
 }
 
-// Static geometry is kept from one gather to the next. A field that follows the camera must equal a fresh one after every
-// change on the way.
+// Static geometry is kept from one gather to the next. A field that follows the camera must equal a fresh one after
+// every change on the way.
 TEST(Clearance, AFieldThatGoesAlongIsAFreshOne) {
   const auto box = build_geometry(tessellate(BoxShape{}).value()).value();
   for (uint64_t seed = 0; seed < 10; ++seed) {
@@ -229,8 +226,7 @@ TEST(Clearance, AFieldThatTravelsFarIsAFreshOneAllTheWay) {
 
 TEST(Clearance, FarFromTheOriginItStaysExact) {
   SceneMirror mirror;
-  add(mirror, placed(1, build_geometry(tessellate(BoxShape{}).value()).value(),
-                     {{50'000, 0, -50'000}, {1, 0, 0, 0}}));
+  add(mirror, placed(1, build_geometry(tessellate(BoxShape{}).value()).value(), {{50'000, 0, -50'000}, {1, 0, 0, 0}}));
   ClearanceField field;
   field.gather(mirror, {50'000, 0, -50'000}, 10, {});
   EXPECT_NEAR(field.clearance_m({50'001, 0, -50'000}, 10), 0.5, 1e-10);
@@ -261,8 +257,7 @@ TEST(Sweep, NeverGoesTooFarAndStopsAtMostAMillimetreShort) {
       ++(fraction < 1 ? stopped : free);
       if (fraction == 1) continue;
       double closest = INFINITY;  // somewhere in the next millimetre it touches
-      for (int k = 0; k <= 40; ++k)
-        closest = std::min(closest, distance_at(fraction + 0.001 * k / 40 / length));
+      for (int k = 0; k <= 40; ++k) closest = std::min(closest, distance_at(fraction + 0.001 * k / 40 / length));
       EXPECT_LE(closest, radius + 2.5e-5);
     }
   }

@@ -22,7 +22,8 @@ namespace {
 bool take_openat2_away() {
   sock_filter program[] = {BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, nr)),
                            BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_openat2, 0, 1),
-                           BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | ENOSYS), BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW)};
+                           BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | ENOSYS),
+                           BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW)};
   const sock_fprog filter{4, program};
   return ::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 && ::prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &filter) == 0;
 }
@@ -44,9 +45,10 @@ class Confined : public testing::Test {
     const auto scenes = ConfinedFolder::open(folder_ / "scenes");
     if (!scenes) return "the folder cannot be opened";
     for (const char* name : {"inside.glb", "deep/stays.glb"})
-      if (const auto file = scenes->read(name, 100); !file || file->bytes.size() != 6) return std::string(name) + " cannot be read";
-    for (const char* name : {"file.glb", "folder/secret.glb", "../scenes-secret/secret.glb", "deep/../../scenes-secret/secret.glb",
-                             "/etc/passwd", "", "deep"})
+      if (const auto file = scenes->read(name, 100); !file || file->bytes.size() != 6)
+        return std::string(name) + " cannot be read";
+    for (const char* name : {"file.glb", "folder/secret.glb", "../scenes-secret/secret.glb",
+                             "deep/../../scenes-secret/secret.glb", "/etc/passwd", "", "deep"})
       if (scenes->read(name, 100)) return std::string(name) + " was read";
     for (const char* name : {"file.glb", "folder/secret.glb"})
       if (scenes->stamp(name)) return std::string(name) + " has a stamp";

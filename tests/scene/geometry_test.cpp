@@ -20,8 +20,7 @@ namespace {
 MeshData random_soup(uint64_t seed, uint32_t triangles, double size_m = 1.0) {
   CounterRandom random(seed, 0, RandomPurpose::kTest);
   const auto vec = [&](double range) {
-    return glm::vec3(random.next_in(-range, range), random.next_in(-range, range),
-                     random.next_in(-range, range));
+    return glm::vec3(random.next_in(-range, range), random.next_in(-range, range), random.next_in(-range, range));
   };
   MeshData mesh;
   for (uint32_t t = 0; t < triangles; ++t) {
@@ -42,8 +41,7 @@ using Corners = std::array<uint32_t, 3>;
 
 std::vector<Corners> sorted_triangles(std::span<const uint32_t> indices) {
   std::vector<Corners> triangles;
-  for (size_t i = 0; i < indices.size(); i += 3)
-    triangles.push_back({indices[i], indices[i + 1], indices[i + 2]});
+  for (size_t i = 0; i < indices.size(); i += 3) triangles.push_back({indices[i], indices[i + 1], indices[i + 2]});
   std::sort(triangles.begin(), triangles.end());
   return triangles;
 }
@@ -73,9 +71,7 @@ int check_tree(const Geometry& g, const TriangleTree& tree, uint32_t node, uint3
 
 void check_trees(const Geometry& g) {
   uint32_t next = 0;
-  const auto depth = [&](const TriangleTree& tree) {
-    return tree.empty() ? 0 : check_tree(g, tree, 0, next);
-  };
+  const auto depth = [&](const TriangleTree& tree) { return tree.empty() ? 0 : check_tree(g, tree, 0, next); };
   EXPECT_LE(depth(g.occluding), kMaxTreeDepth);
   EXPECT_EQ(next, g.occluding_index_count);
   EXPECT_LE(depth(g.see_through), kMaxTreeDepth);
@@ -93,8 +89,8 @@ TEST(Geometry, EveryTriangleStandsInExactlyOneLeafWhoseBoundsContainIt) {
 
 TEST(Geometry, ClustersAreAtLeastHalfFullOnAverage) {
   const auto g = build(random_soup(7, 20'000));
-  const auto leaves =
-      std::count_if(g->occluding.begin(), g->occluding.end(), [](const TreeNode& n) { return n.is_leaf(); });
+  const auto leaves = std::count_if(g->occluding.begin(), g->occluding.end(),
+                                    [](const TreeNode& n) { return n.is_leaf(); });
   EXPECT_LT(static_cast<size_t>(leaves), g->triangle_count() / (kMaxClusterTriangles / 2));
 }
 
@@ -184,8 +180,7 @@ TEST(Geometry, TheHashTellsPositionsIndicesAndSplitApart) {
   moved.positions[5].y = std::nextafter(moved.positions[5].y, 100.0f);
   std::swap(turned.indices[0], turned.indices[1]);
   split.see_through_first_index = 3;
-  const std::set<ContentHash> hashes = {hash_mesh(mesh), hash_mesh(moved), hash_mesh(turned),
-                                        hash_mesh(split)};
+  const std::set<ContentHash> hashes = {hash_mesh(mesh), hash_mesh(moved), hash_mesh(turned), hash_mesh(split)};
   EXPECT_EQ(hashes.size(), 4u);
   MeshData same_split = mesh;
   same_split.see_through_first_index = 12;  // beyond the end, as by default
@@ -197,12 +192,10 @@ TEST(Geometry, HostileShapesKeepTheDepthBounded) {
   std::vector<MeshData> meshes(4);
   for (uint32_t t = 0; t < 20'000; ++t) {
     const uint32_t i = 3 * t;
-    const float spread = std::ldexp(1.0f, -static_cast<int>(t % 100)),
-                far = std::ldexp(1.0f, static_cast<int>(t % 29));
+    const float spread = std::ldexp(1.0f, -static_cast<int>(t % 100)), far = std::ldexp(1.0f, static_cast<int>(t % 29));
     // In turn: all in one place; ever closer to a point; ever farther away; all centroids equal but sizes unlike.
     const auto add = [&](MeshData& mesh, const glm::vec3& at, float size) {
-      mesh.positions.insert(mesh.positions.end(),
-                            {at, at + glm::vec3(size, 0, 0), at + glm::vec3(0, size, size)});
+      mesh.positions.insert(mesh.positions.end(), {at, at + glm::vec3(size, 0, 0), at + glm::vec3(0, size, size)});
       mesh.indices.insert(mesh.indices.end(), {i, i + 1, i + 2});
     };
     add(meshes[0], glm::vec3(1), 1);
@@ -219,8 +212,7 @@ TEST(Geometry, NestedScalesKeepTheDepthBounded) {
   MeshData mesh;
   const auto add = [&](const glm::vec3& at) {
     const auto i = static_cast<uint32_t>(mesh.positions.size());
-    mesh.positions.insert(mesh.positions.end(),
-                          {at, at + glm::vec3(1e-32f, 0, 0), at + glm::vec3(0, 1e-32f, 1e-32f)});
+    mesh.positions.insert(mesh.positions.end(), {at, at + glm::vec3(1e-32f, 0, 0), at + glm::vec3(0, 1e-32f, 1e-32f)});
     mesh.positions[i + 1][at.x != 0 ? 1 : 0] += 1e-32f;  // off the axis, where it is not rounded away
     mesh.positions[i + 2][at.z != 0 ? 0 : 2] += 1e-32f;
     mesh.indices.insert(mesh.indices.end(), {i, i + 1, i + 2});
@@ -271,8 +263,7 @@ TEST(Geometry, ALargeMeshGivesTheSameTreeEveryTime) {
   check_trees(*first);
   EXPECT_EQ(first->indices, second->indices);
   ASSERT_EQ(first->occluding.size(), second->occluding.size());
-  EXPECT_EQ(std::memcmp(first->occluding.data(), second->occluding.data(),
-                        first->occluding.size() * sizeof(TreeNode)),
+  EXPECT_EQ(std::memcmp(first->occluding.data(), second->occluding.data(), first->occluding.size() * sizeof(TreeNode)),
             0);
 }
 

@@ -61,8 +61,7 @@ struct PlainGlb {
     const json& positions = document["accessors"][primitive["attributes"]["POSITION"].get<size_t>()];
     size_t with_area = 0;
     for (size_t i = 0; i < indices["count"].get<size_t>(); i += 3) {
-      const glm::dvec3 a = position(positions, index(indices, i)),
-                       b = position(positions, index(indices, i + 1)),
+      const glm::dvec3 a = position(positions, index(indices, i)), b = position(positions, index(indices, i + 1)),
                        c = position(positions, index(indices, i + 2));
       if (glm::cross(b - a, c - a) != glm::dvec3(0.0)) ++with_area;
     }
@@ -73,8 +72,7 @@ struct PlainGlb {
     const json& n = document["nodes"][node];
     size_t sum = 0;
     if (n.contains("mesh"))
-      for (const json& primitive : document["meshes"][n["mesh"].get<size_t>()]["primitives"])
-        sum += count(primitive);
+      for (const json& primitive : document["meshes"][n["mesh"].get<size_t>()]["primitives"]) sum += count(primitive);
     for (const json& child : n.value("children", json::array())) sum += count_below(child.get<size_t>());
     return sum;
   }

@@ -26,16 +26,13 @@ GlbBuilder rich_file() {
   const std::vector<float> sparse_value = {2, 0, 0};
   file.json["accessors"][0]["sparse"] = {
       {"count", 1},
-      {"indices",
-       {{"bufferView", file.view(std::as_bytes(std::span(sparse_index)))}, {"componentType", 5123}}},
+      {"indices", {{"bufferView", file.view(std::as_bytes(std::span(sparse_index)))}, {"componentType", 5123}}},
       {"values", {{"bufferView", file.view(std::as_bytes(std::span(sparse_value)))}}}};
-  file.json["meshes"][0]["primitives"][0]["indices"] =
-      file.accessor<uint8_t>({0, 1, 2}, "SCALAR", kUnsignedByte);
-  file.add("materials",
-           {{"alphaMode", "BLEND"}, {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 0.2}}}}});
+  file.json["meshes"][0]["primitives"][0]["indices"] = file.accessor<uint8_t>({0, 1, 2}, "SCALAR", kUnsignedByte);
+  file.add("materials", {{"alphaMode", "BLEND"}, {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 0.2}}}}});
   file.json["meshes"][0]["primitives"][0]["material"] = 0;
-  file.json["nodes"][node]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["TRANSLATION"] =
-      file.floats({1, 2, 3, 4, 5, 6});
+  file.json["nodes"][node]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["TRANSLATION"] = file.floats(
+      {1, 2, 3, 4, 5, 6});
   file.json["nodes"][node]["extras"]["sightline"] = {{"layers", 1}, {"opacity", 0.9}};
   file.add("cameras", {{"type", "perspective"}, {"perspective", {{"yfov", 0.5}, {"znear", 0.25}}}});
   file.add("nodes", {{"camera", 0}, {"children", {node}}, {"rotation", {0, 0, 0, 1}}});
@@ -87,8 +84,7 @@ TEST(GltfHostile, ATruncatedBinaryChunkIsAnError) {
   document["buffers"] = json::array({{{"byteLength", file.binary().size()}}});
   for (size_t length = 0; length + 4 <= file.binary().size(); length += 4) {
     const auto binary = file.binary().first(length);
-    EXPECT_NE(error_of(make_glb(document.dump(), {binary.begin(), binary.end()})).code, ErrorCode::kInternal)
-        << length;
+    EXPECT_NE(error_of(make_glb(document.dump(), {binary.begin(), binary.end()})).code, ErrorCode::kInternal) << length;
   }
 }
 
@@ -102,13 +98,12 @@ TEST(GltfHostile, RandomByteDamageNeverCrashes) {
     auto damaged = whole;
     const uint32_t count = 1 + random.next_below(4);
     for (uint32_t i = 0; i < count; ++i)
-      damaged[random.next_below(static_cast<uint32_t>(damaged.size()))] =
-          static_cast<std::byte>(random.next_below(256));
+      damaged[random.next_below(static_cast<uint32_t>(damaged.size()))] = static_cast<std::byte>(
+          random.next_below(256));
     GeometryStore store;
     if (const auto asset = read_gltf(damaged, nullptr, store)) {
       ++read;
-      for (const AssetAnimation& animation : (*asset)->animations)
-        animated_world_from_node(**asset, animation, 0.5);
+      for (const AssetAnimation& animation : (*asset)->animations) animated_world_from_node(**asset, animation, 0.5);
     }
   }
   EXPECT_GT(read, 0u);
@@ -120,31 +115,9 @@ TEST(GltfHostile, RandomByteDamageNeverCrashes) {
 TEST(GltfHostile, RandomNumbersInWellFormedJsonNeverCrash) {
   const GlbBuilder file = rich_file();
   CounterRandom random(8, 0, RandomPurpose::kTest);
-  const std::vector<json> values = {-1,
-                                    0,
-                                    1,
-                                    2,
-                                    3,
-                                    7,
-                                    255,
-                                    65535,
-                                    2147483647,
-                                    4294967295u,
-                                    1099511627776,
-                                    1e300,
-                                    -1e300,
-                                    0.5,
-                                    5120,
-                                    5121,
-                                    5125,
-                                    5126,
-                                    "",
-                                    "VEC4",
-                                    "SCALAR",
-                                    nullptr,
-                                    true,
-                                    json::array(),
-                                    json::object()};
+  const std::vector<json> values = {
+      -1,  0,    1,    2,    3,    7,  255,    65535,    2147483647, 4294967295u, 1099511627776, 1e300,         -1e300,
+      0.5, 5120, 5121, 5125, 5126, "", "VEC4", "SCALAR", nullptr,    true,        json::array(), json::object()};
   json document = file.json;
   document["buffers"] = json::array({{{"byteLength", file.binary().size()}}});
   const json flat = document.flatten();
@@ -203,8 +176,7 @@ json& primitive0(GlbBuilder& f) {
 
 const Hostile kHostile[] = {
     {"NoAsset", [](auto& f) { f.json.erase("asset"); }, kInvalid, "asset"},
-    {"OldVersion", [](auto& f) { f.json["asset"]["version"] = "1.0"; }, ErrorCode::kUnsupported,
-     "asset.version"},
+    {"OldVersion", [](auto& f) { f.json["asset"]["version"] = "1.0"; }, ErrorCode::kUnsupported, "asset.version"},
     {"NewMinVersion", [](auto& f) { f.json["asset"]["minVersion"] = "2.1"; }, ErrorCode::kUnsupported,
      "asset.minVersion"},
     {"NodesNotAnArray", [](auto& f) { f.json["nodes"] = 3; }, kInvalid, "nodes"},
@@ -238,10 +210,8 @@ const Hostile kHostile[] = {
        f.add("nodes", json::object());
      },
      kTooMuch, "nodes[66]"},
-    {"ChildOutOfRange", [](auto& f) { f.json["nodes"][1]["children"] = {9}; }, kInvalid,
-     "nodes[1].children[0]"},
-    {"NegativeChild", [](auto& f) { f.json["nodes"][1]["children"] = {-1}; }, kInvalid,
-     "nodes[1].children[0]"},
+    {"ChildOutOfRange", [](auto& f) { f.json["nodes"][1]["children"] = {9}; }, kInvalid, "nodes[1].children[0]"},
+    {"NegativeChild", [](auto& f) { f.json["nodes"][1]["children"] = {-1}; }, kInvalid, "nodes[1].children[0]"},
     {"ChildWrapsAround", [](auto& f) { f.json["nodes"][1]["children"] = {4294967296}; }, kInvalid,
      "nodes[1].children[0]"},
     {"MeshOutOfRange", [](auto& f) { f.json["nodes"][0]["mesh"] = 1; }, kInvalid, "nodes[0].mesh"},
@@ -270,33 +240,26 @@ const Hostile kHostile[] = {
      },
      kInvalid, "nodes[0]"},
     {"ProjectiveMatrix",
-     [](auto& f) { f.json["nodes"][0]["matrix"] = {1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}; },
-     kInvalid, "nodes[0].matrix"},
-    {"ViewBeyondBuffer", [](auto& f) { f.json["bufferViews"][0]["byteLength"] = 100000; }, kLoss,
-     "bufferViews[0]"},
+     [](auto& f) { f.json["nodes"][0]["matrix"] = {1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}; }, kInvalid,
+     "nodes[0].matrix"},
+    {"ViewBeyondBuffer", [](auto& f) { f.json["bufferViews"][0]["byteLength"] = 100000; }, kLoss, "bufferViews[0]"},
     {"ViewOffsetBeyondBuffer", [](auto& f) { f.json["bufferViews"][0]["byteOffset"] = 1099511627776; }, kLoss,
      "bufferViews[0]"},
-    {"ViewOffsetNearTheLargestNumber",
-     [](auto& f) { f.json["bufferViews"][0]["byteOffset"] = UINT64_MAX - 8; }, kInvalid,
-     "bufferViews[0].byteOffset"},
-    {"ViewOfNoBuffer", [](auto& f) { f.json["bufferViews"][0]["buffer"] = 1; }, kInvalid,
-     "bufferViews[0].buffer"},
-    {"OddStride", [](auto& f) { f.json["bufferViews"][0]["byteStride"] = 13; }, kInvalid,
-     "bufferViews[0].byteStride"},
-    {"StrideBelowElement", [](auto& f) { f.json["bufferViews"][0]["byteStride"] = 4; }, kInvalid,
-     "accessors[0]"},
+    {"ViewOffsetNearTheLargestNumber", [](auto& f) { f.json["bufferViews"][0]["byteOffset"] = UINT64_MAX - 8; },
+     kInvalid, "bufferViews[0].byteOffset"},
+    {"ViewOfNoBuffer", [](auto& f) { f.json["bufferViews"][0]["buffer"] = 1; }, kInvalid, "bufferViews[0].buffer"},
+    {"OddStride", [](auto& f) { f.json["bufferViews"][0]["byteStride"] = 13; }, kInvalid, "bufferViews[0].byteStride"},
+    {"StrideBelowElement", [](auto& f) { f.json["bufferViews"][0]["byteStride"] = 4; }, kInvalid, "accessors[0]"},
     {"HugeStride", [](auto& f) { f.json["bufferViews"][0]["byteStride"] = 256; }, kInvalid,
      "bufferViews[0].byteStride"},
-    {"StrideReachesBeyondView", [](auto& f) { f.json["bufferViews"][0]["byteStride"] = 16; }, kLoss,
-     "accessors[0]"},
+    {"StrideReachesBeyondView", [](auto& f) { f.json["bufferViews"][0]["byteStride"] = 16; }, kLoss, "accessors[0]"},
     {"AccessorBeyondView",
      [](auto& f) {
        accessor0(f)["count"] = 6;
        primitive0(f).erase("indices");
      },
      kLoss, "accessors[0]"},
-    {"AccessorOffsetBeyondView", [](auto& f) { accessor0(f)["byteOffset"] = 1099511627776; }, kLoss,
-     "accessors[0]"},
+    {"AccessorOffsetBeyondView", [](auto& f) { accessor0(f)["byteOffset"] = 1099511627776; }, kLoss, "accessors[0]"},
     {"ZeroCount", [](auto& f) { accessor0(f)["count"] = 0; }, kInvalid, "accessors[0].count"},
     {"NegativeCount", [](auto& f) { accessor0(f)["count"] = -3; }, kInvalid, "accessors[0].count"},
     {"FractionalCount", [](auto& f) { accessor0(f)["count"] = 3.5; }, kInvalid, "accessors[0].count"},
@@ -319,8 +282,8 @@ const Hostile kHostile[] = {
      "accessors[0].sparse.count"},
     {"SparseIndicesMissing", [](auto& f) { accessor0(f)["sparse"].erase("indices"); }, kInvalid,
      "accessors[0].sparse.indices"},
-    {"SparseIndicesOfFloats", [](auto& f) { accessor0(f)["sparse"]["indices"]["componentType"] = 5126; },
-     kInvalid, "accessors[0].sparse.indices.componentType"},
+    {"SparseIndicesOfFloats", [](auto& f) { accessor0(f)["sparse"]["indices"]["componentType"] = 5126; }, kInvalid,
+     "accessors[0].sparse.indices.componentType"},
     {"SparseIndicesBeyondView", [](auto& f) { accessor0(f)["sparse"]["indices"]["byteOffset"] = 2; }, kLoss,
      "accessors[0].sparse.indices"},
     {"SparseValuesBeyondView", [](auto& f) { accessor0(f)["sparse"]["values"]["byteOffset"] = 4; }, kLoss,
@@ -334,8 +297,7 @@ const Hostile kHostile[] = {
     {"DoubleComponentType", [](auto& f) { accessor0(f)["componentType"] = 5130; }, kInvalid,
      "accessors[0].componentType"},
     {"UnknownType", [](auto& f) { accessor0(f)["type"] = "VEC9"; }, kInvalid, "accessors[0].type"},
-    {"IndicesOfFloats", [](auto& f) { primitive0(f)["indices"] = 0; }, kInvalid,
-     "meshes[0].primitives[0].indices"},
+    {"IndicesOfFloats", [](auto& f) { primitive0(f)["indices"] = 0; }, kInvalid, "meshes[0].primitives[0].indices"},
     {"AttributeOutOfRange", [](auto& f) { primitive0(f)["attributes"]["POSITION"] = 99; }, kInvalid,
      "meshes[0].primitives[0].attributes.POSITION"},
     {"UnknownMode", [](auto& f) { primitive0(f)["mode"] = 7; }, kInvalid, "meshes[0].primitives[0].mode"},
@@ -377,28 +339,25 @@ const Hostile kHostile[] = {
      kInvalid, "meshes[0].primitives[0].attributes.POSITION[0]"},
     {"NanInstance",
      [](auto& f) {
-       f.json["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["TRANSLATION"] =
-           f.floats({0, 0, std::nanf("")});
+       f.json["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["TRANSLATION"] = f.floats(
+           {0, 0, std::nanf("")});
      },
      kInvalid, "nodes[0]"},
     {"InstanceAttributeOutOfRange",
-     [](auto& f) { f.json["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["SCALE"] = 77; },
-     kInvalid, "nodes[0].extensions.EXT_mesh_gpu_instancing.attributes.SCALE"},
+     [](auto& f) { f.json["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["SCALE"] = 77; }, kInvalid,
+     "nodes[0].extensions.EXT_mesh_gpu_instancing.attributes.SCALE"},
     {"ZeroFieldOfView", [](auto& f) { f.json["cameras"][0]["perspective"]["yfov"] = 0; }, kInvalid,
      "cameras[0].perspective.yfov"},
-    {"CameraOfUnknownType", [](auto& f) { f.json["cameras"][0]["type"] = "fisheye"; }, kInvalid,
-     "cameras[0].type"},
+    {"CameraOfUnknownType", [](auto& f) { f.json["cameras"][0]["type"] = "fisheye"; }, kInvalid, "cameras[0].type"},
     {"SamplerOutOfRange", [](auto& f) { f.json["animations"][0]["channels"][0]["sampler"] = 1; }, kInvalid,
      "animations[0].channels[0].sampler"},
-    {"AnimatedNodeOutOfRange", [](auto& f) { f.json["animations"][0]["channels"][0]["target"]["node"] = 5; },
-     kInvalid, "animations[0].channels[0].target.node"},
-    {"NoSamplers", [](auto& f) { f.json["animations"][0].erase("samplers"); }, kInvalid,
-     "animations[0].samplers"},
+    {"AnimatedNodeOutOfRange", [](auto& f) { f.json["animations"][0]["channels"][0]["target"]["node"] = 5; }, kInvalid,
+     "animations[0].channels[0].target.node"},
+    {"NoSamplers", [](auto& f) { f.json["animations"][0].erase("samplers"); }, kInvalid, "animations[0].samplers"},
     {"BufferBeyondChunk", [](auto& f) { f.json["buffers"][0]["byteLength"] = 100000; }, kLoss, "buffers[0]"},
     {"BufferOfTerabytes", [](auto& f) { f.json["buffers"][0]["byteLength"] = 1099511627776; }, kTooMuch,
      "buffers[0].byteLength"},
-    {"BufferOfNothing", [](auto& f) { f.json["buffers"][0]["byteLength"] = 0; }, kInvalid,
-     "buffers[0].byteLength"},
+    {"BufferOfNothing", [](auto& f) { f.json["buffers"][0]["byteLength"] = 0; }, kInvalid, "buffers[0].byteLength"},
     {"SecondBufferWithoutUri",
      [](auto& f) {
        f.json["buffers"] = json::array({{{"byteLength", 4}}, {{"byteLength", 4}}});
@@ -441,8 +400,7 @@ TEST(GltfHostile, ManyJsonValuesAreRefusedBeforeAnyIsStored) {
 TEST(GltfHostile, SharedAccessorsCountEveryTimeTheyAreUsed) {
   GlbBuilder file;
   file.triangle_node();
-  for (int i = 0; i < 10'000; ++i)
-    file.json["meshes"][0]["primitives"].push_back({{"attributes", {{"POSITION", 0}}}});
+  for (int i = 0; i < 10'000; ++i) file.json["meshes"][0]["primitives"].push_back({{"attributes", {{"POSITION", 0}}}});
   GltfLimits limits;
   limits.max_triangles = 5'000;
   const Error error = error_of(file, limits);
@@ -475,7 +433,8 @@ TEST(GltfHostile, AFileAboveTheLimitIsNotLookedAt) {
   EXPECT_EQ(error_of(rich_file(), limits).code, ErrorCode::kResourceExhausted);
 }
 
-// Reading is ended at its first look at the clock, then at its second, and so on, until it is read. Nothing is left behind.
+// Reading is ended at its first look at the clock, then at its second, and so on, until it is read. Nothing is left
+// behind.
 TEST(GltfHostile, ReadingEndsAtAnyMoment) {
   GlbBuilder file = rich_file();
   file.triangle_node();
@@ -504,11 +463,13 @@ TEST(GltfHostile, ReadingEndsAtAnyMoment) {
 }
 
 TEST(GltfHostile, ReadingThatTakesTooLongNamesItsFlag) {
-  WorkLimit work({.clock = [] {
-                    static int64_t now_ns = 0;
-                    return now_ns += 1000;
-                  },
-                  .most_ns = 1, .refusal = "takes too long (--max-load-s)"});
+  WorkLimit work({.clock =
+                      [] {
+                        static int64_t now_ns = 0;
+                        return now_ns += 1000;
+                      },
+                  .most_ns = 1,
+                  .refusal = "takes too long (--max-load-s)"});
   GltfLimits limits;
   limits.work = &work;
   limits.memory_flag = "--geometry-memory-mib";
@@ -518,7 +479,8 @@ TEST(GltfHostile, ReadingThatTakesTooLongNamesItsFlag) {
 }
 
 TEST(GltfHostile, AMemberThatStandsTwiceCountsAsItStandsLast) {
-  const std::string text = R"({"asset": {"version": "2.0"}, "nodes": [{"name": "first"}], "nodes": [{"name": "a", "name": "last"}, {}]})";
+  const std::string text =
+      R"({"asset": {"version": "2.0"}, "nodes": [{"name": "first"}], "nodes": [{"name": "a", "name": "last"}, {}]})";
   GeometryStore store;
   const auto asset = read_gltf(std::as_bytes(std::span(text)), nullptr, store);
   ASSERT_TRUE(asset) << to_string(asset.error());
@@ -528,7 +490,8 @@ TEST(GltfHostile, AMemberThatStandsTwiceCountsAsItStandsLast) {
 
 TEST(GltfHostile, WarningsAreBounded) {
   GlbBuilder file;
-  for (int i = 0; i < 500; ++i) file.add("meshes", {{"primitives", nlohmann::json::array({{{"attributes", nlohmann::json::object()}}})}});
+  for (int i = 0; i < 500; ++i)
+    file.add("meshes", {{"primitives", nlohmann::json::array({{{"attributes", nlohmann::json::object()}}})}});
   GeometryStore store;
   const auto asset = read_gltf(file.glb(), nullptr, store);
   ASSERT_TRUE(asset);

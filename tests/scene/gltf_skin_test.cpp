@@ -25,9 +25,12 @@ json numbers(const glm::dmat4& matrix) {
 
 // Rotation, even scale and translation by chance.
 glm::dmat4 random_matrix(CounterRandom& random, double scale) {
-  const glm::dvec3 axis = glm::normalize(glm::dvec3(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(0.1, 1)));
-  const glm::dmat4 moved = glm::translate(glm::dmat4(1.0), glm::dvec3(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1)));
-  return moved * glm::rotate(glm::dmat4(1.0), random.next_in(-3, 3), axis) * glm::scale(glm::dmat4(1.0), glm::dvec3(scale));
+  const glm::dvec3 axis = glm::normalize(
+      glm::dvec3(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(0.1, 1)));
+  const glm::dmat4 moved = glm::translate(
+      glm::dmat4(1.0), glm::dvec3(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1)));
+  return moved * glm::rotate(glm::dmat4(1.0), random.next_in(-3, 3), axis) *
+         glm::scale(glm::dmat4(1.0), glm::dvec3(scale));
 }
 
 class GltfSkinned : public testing::Test {
@@ -53,8 +56,8 @@ class GltfSkinned : public testing::Test {
     return vertices;
   }
 
-  // A body of `vertices` over a chain of joints, as files have them: an armature turned and scaled, the mesh below it with a transform of its own, which does not
-  // count. Returns where each vertex belongs.
+  // A body of `vertices` over a chain of joints, as files have them: an armature turned and scaled, the mesh below it
+  // with a transform of its own, which does not count. Returns where each vertex belongs.
   struct Body {
     std::vector<glm::dvec3> expected;
     size_t node = 0;
@@ -62,14 +65,16 @@ class GltfSkinned : public testing::Test {
   Body add_body(CounterRandom& random, size_t joints, size_t vertices, double armature_scale) {
     const glm::dmat4 armature = random_matrix(random, armature_scale);
     std::vector<glm::dmat4> world{armature};
-    const auto armature_node = static_cast<size_t>(file.add("nodes", {{"name", "armature"}, {"matrix", numbers(armature)}}));
+    const auto armature_node = static_cast<size_t>(
+        file.add("nodes", {{"name", "armature"}, {"matrix", numbers(armature)}}));
     std::vector<size_t> nodes;
     std::vector<float> binds;
     std::vector<glm::dmat4> node_from_vertex;
     for (size_t k = 0; k < joints; ++k) {
       const glm::dmat4 own = random_matrix(random, 1.0), bind = random_matrix(random, 1 / armature_scale);
       world.push_back(world.back() * own);
-      nodes.push_back(static_cast<size_t>(file.add("nodes", {{"name", "joint-" + std::to_string(k)}, {"matrix", numbers(own)}})));
+      nodes.push_back(
+          static_cast<size_t>(file.add("nodes", {{"name", "joint-" + std::to_string(k)}, {"matrix", numbers(own)}})));
       file.json["nodes"][k == 0 ? armature_node : nodes[k - 1]]["children"].push_back(nodes[k]);
       for (int n = 0; n < 16; ++n) binds.push_back(static_cast<float>(glm::value_ptr(bind)[n]));
       node_from_vertex.push_back(world.back() * bind);
@@ -94,9 +99,12 @@ class GltfSkinned : public testing::Test {
     const json attributes{{"POSITION", file.floats(positions)},
                           {"JOINTS_0", file.accessor(which, "VEC4", kUnsignedShort)},
                           {"WEIGHTS_0", file.accessor(weights, "VEC4", kFloat)}};
-    const int skin = file.add("skins", {{"joints", nodes}, {"inverseBindMatrices", file.accessor(binds, "MAT4", kFloat)}});
-    const int mesh = file.add("meshes", {{"name", "skin"}, {"primitives", json::array({{{"attributes", attributes}}})}});
-    body.node = static_cast<size_t>(file.add("nodes", {{"name", "body"}, {"mesh", mesh}, {"skin", skin}, {"matrix", numbers(random_matrix(random, 0.37))}}));
+    const int skin = file.add("skins",
+                              {{"joints", nodes}, {"inverseBindMatrices", file.accessor(binds, "MAT4", kFloat)}});
+    const int mesh = file.add("meshes",
+                              {{"name", "skin"}, {"primitives", json::array({{{"attributes", attributes}}})}});
+    body.node = static_cast<size_t>(file.add(
+        "nodes", {{"name", "body"}, {"mesh", mesh}, {"skin", skin}, {"matrix", numbers(random_matrix(random, 0.37))}}));
     file.json["nodes"][armature_node]["children"].push_back(body.node);
     file.json["scenes"] = json::array({{{"nodes", json::array({armature_node})}}});
     return body;
@@ -140,21 +148,25 @@ TEST_F(GltfSkinned, ABodyMovesWithTheNodeThatIsBound) {
   update.ids = {5}, update.poses = {{before.position_m + glm::dvec3(10, 0, -3), before.rotation}};
   ASSERT_TRUE(mirror.apply({}, update));
   std::vector<glm::dvec3> found, expected;
-  for (const glm::vec3& p : bound.geometry->positions) found.push_back(transform_point(bound.world_from_instance, glm::dvec3(p)));
+  for (const glm::vec3& p : bound.geometry->positions)
+    found.push_back(transform_point(bound.world_from_instance, glm::dvec3(p)));
   for (const glm::dvec3& p : body.expected) expected.push_back(p + glm::dvec3(10, 0, -3));
   expect_near(found, expected, 1e-4);
 }
 
 // Positions of whole numbers from 0 to 65535; only the bind matrix knows what they mean, as compressors write it.
 TEST_F(GltfSkinned, QuantisedPositionsAreWhatTheBindMatrixMakesOfThem) {
-  const glm::dmat4 bind = glm::translate(glm::dmat4(1.0), {-1, 0, 2}) * glm::scale(glm::dmat4(1.0), glm::dvec3(2.0 / 65535));
+  const glm::dmat4 bind = glm::translate(glm::dmat4(1.0), {-1, 0, 2}) *
+                          glm::scale(glm::dmat4(1.0), glm::dvec3(2.0 / 65535));
   std::vector<float> columns;
   for (int n = 0; n < 16; ++n) columns.push_back(static_cast<float>(glm::value_ptr(bind)[n]));
   const int joint = file.add("nodes", {{"name", "joint"}, {"translation", {0, 5, 0}}});
-  const json attributes{{"POSITION", file.accessor<uint16_t>({0, 0, 0, 65535, 0, 0, 0, 65535, 0}, "VEC3", kUnsignedShort)},
-                        {"JOINTS_0", file.accessor<uint8_t>({0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}, "VEC4", kUnsignedByte)},
-                        {"WEIGHTS_0", file.accessor<uint8_t>({255, 0, 0, 0, 255, 0, 0, 0, 255, 0, 0, 0}, "VEC4", kUnsignedByte, true)}};
-  const int skin = file.add("skins", {{"joints", {joint}}, {"inverseBindMatrices", file.accessor(columns, "MAT4", kFloat)}});
+  const json attributes{
+      {"POSITION", file.accessor<uint16_t>({0, 0, 0, 65535, 0, 0, 0, 65535, 0}, "VEC3", kUnsignedShort)},
+      {"JOINTS_0", file.accessor<uint8_t>({0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}, "VEC4", kUnsignedByte)},
+      {"WEIGHTS_0", file.accessor<uint8_t>({255, 0, 0, 0, 255, 0, 0, 0, 255, 0, 0, 0}, "VEC4", kUnsignedByte, true)}};
+  const int skin = file.add("skins",
+                            {{"joints", {joint}}, {"inverseBindMatrices", file.accessor(columns, "MAT4", kFloat)}});
   const int mesh = file.add("meshes", {{"primitives", json::array({{{"attributes", attributes}}})}});
   file.add("nodes", {{"name", "body"}, {"mesh", mesh}, {"skin", skin}});
   file.json["scenes"] = json::array({{{"nodes", {0, 1}}}});
@@ -164,12 +176,14 @@ TEST_F(GltfSkinned, QuantisedPositionsAreWhatTheBindMatrixMakesOfThem) {
 
 // Each of two sets names one joint. A vertex without weights belongs to its first joint.
 TEST_F(GltfSkinned, FurtherSetsCountAndVerticesWithoutWeightsBelongToTheirFirstJoint) {
-  const int low = file.add("nodes", {{"translation", {0, 0, 0}}}), high = file.add("nodes", {{"translation", {0, 4, 0}}});
-  const json attributes{{"POSITION", file.floats({0, 0, 0, 1, 0, 0, 0, 1, 0})},
-                        {"JOINTS_0", file.accessor<uint8_t>({0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0}, "VEC4", kUnsignedByte)},
-                        {"WEIGHTS_0", file.accessor<float>({1, 0, 0, 0, 0.25f, 0, 0, 0, 0, 0, 0, 0}, "VEC4", kFloat)},
-                        {"JOINTS_1", file.accessor<uint8_t>({0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0}, "VEC4", kUnsignedByte)},
-                        {"WEIGHTS_1", file.accessor<float>({0, 0, 0, 0, 0.75f, 0, 0, 0, 0, 0, 0, 0}, "VEC4", kFloat)}};
+  const int low = file.add("nodes", {{"translation", {0, 0, 0}}}),
+            high = file.add("nodes", {{"translation", {0, 4, 0}}});
+  const json attributes{
+      {"POSITION", file.floats({0, 0, 0, 1, 0, 0, 0, 1, 0})},
+      {"JOINTS_0", file.accessor<uint8_t>({0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0}, "VEC4", kUnsignedByte)},
+      {"WEIGHTS_0", file.accessor<float>({1, 0, 0, 0, 0.25f, 0, 0, 0, 0, 0, 0, 0}, "VEC4", kFloat)},
+      {"JOINTS_1", file.accessor<uint8_t>({0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0}, "VEC4", kUnsignedByte)},
+      {"WEIGHTS_1", file.accessor<float>({0, 0, 0, 0, 0.75f, 0, 0, 0, 0, 0, 0, 0}, "VEC4", kFloat)}};
   const int skin = file.add("skins", {{"joints", {low, high}}});
   const int mesh = file.add("meshes", {{"primitives", json::array({{{"attributes", attributes}}})}});
   file.add("nodes", {{"name", "body"}, {"mesh", mesh}, {"skin", skin}});

@@ -23,8 +23,7 @@ const std::vector<float> kSquare = {0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0};  // O X
 
 class Gltf : public testing::Test {
  protected:
-  std::shared_ptr<const SceneAsset> load(const std::vector<std::byte>& bytes,
-                                         const ExternalFile& external = nullptr) {
+  std::shared_ptr<const SceneAsset> load(const std::vector<std::byte>& bytes, const ExternalFile& external = nullptr) {
     auto asset = read_gltf(bytes, external, store);
     if (!asset) {
       ADD_FAILURE() << to_string(asset.error());
@@ -127,10 +126,9 @@ TEST_F(Gltf, AnAccessorOffsetIsAddedToTheViewOffset) {
 }
 
 json sparse(GlbBuilder& file, const std::vector<uint16_t>& indices, const std::vector<float>& values) {
-  return {
-      {"count", indices.size()},
-      {"indices", {{"bufferView", file.view(std::as_bytes(std::span(indices)))}, {"componentType", 5123}}},
-      {"values", {{"bufferView", file.view(std::as_bytes(std::span(values)))}}}};
+  return {{"count", indices.size()},
+          {"indices", {{"bufferView", file.view(std::as_bytes(std::span(indices)))}, {"componentType", 5123}}},
+          {"values", {{"bufferView", file.view(std::as_bytes(std::span(values)))}}}};
 }
 
 TEST_F(Gltf, SparseValuesReplaceTheBase) {
@@ -218,14 +216,12 @@ TEST_F(Gltf, NodesMultiplyDownTheHierarchy) {
 
 TEST_F(Gltf, AMatrixEqualsTheTrsThatItIsMadeOf) {
   const int a = file.triangle_node();
-  file.json["nodes"][a]["matrix"] = {0, 2, 0, 0, -3, 0, 0, 0,
-                                     0, 0, 4, 0, 5,  6, 7, 1};  // scale 2 3 4, quarter turn
+  file.json["nodes"][a]["matrix"] = {0, 2, 0, 0, -3, 0, 0, 0, 0, 0, 4, 0, 5, 6, 7, 1};  // scale 2 3 4, quarter turn
   const auto asset = load();
   const AssetNode& node = asset->nodes.at(0);
   EXPECT_NEAR(glm::length(node.scale - glm::dvec3(2, 3, 4)), 0.0, 1e-12);
   EXPECT_NEAR(glm::length(node.translation_m - glm::dvec3(5, 6, 7)), 0.0, 1e-12);
-  EXPECT_NEAR(std::abs(glm::dot(node.rotation, glm::dquat(std::sqrt(0.5), 0, 0, std::sqrt(0.5)))), 1.0,
-              1e-12);
+  EXPECT_NEAR(std::abs(glm::dot(node.rotation, glm::dquat(std::sqrt(0.5), 0, 0, std::sqrt(0.5)))), 1.0, 1e-12);
   EXPECT_TRUE(node.decomposed);
 }
 
@@ -280,8 +276,8 @@ TEST_F(Gltf, GpuInstanceAttributesMustBeEquallyLong) {
   const int node = file.triangle_node();
   const int translation = file.floats({1, 2, 3, 4, 5, 6});
   const int scale = file.floats({1, 1, 1});
-  file.json["nodes"][node]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = {
-      {"TRANSLATION", translation}, {"SCALE", scale}};
+  file.json["nodes"][node]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = {{"TRANSLATION", translation},
+                                                                                     {"SCALE", scale}};
   EXPECT_EQ(load_error().field, "nodes[0].extensions.EXT_mesh_gpu_instancing.attributes.SCALE");
 }
 
@@ -300,7 +296,8 @@ TEST_F(Gltf, FlagsMayBeWrittenAsNumbers) {
   for (const auto& [written, flag] : {std::pair<json, bool>{true, true}, {false, false}, {1, true}, {0, false}}) {
     file = GlbBuilder();
     const int node = file.triangle_node();
-    for (const char* key : {"occludes", "collides", "visible"}) file.json["nodes"][node]["extras"]["sightline"][key] = written;
+    for (const char* key : {"occludes", "collides", "visible"})
+      file.json["nodes"][node]["extras"]["sightline"][key] = written;
     const InstanceAttributes attributes = load()->nodes.at(0).attributes;
     EXPECT_EQ(attributes.occludes, flag) << written;
     EXPECT_EQ(attributes.collides, flag) << written;
@@ -312,7 +309,8 @@ TEST_F(Gltf, FlagsMayBeWrittenAsNumbers) {
 
 // KHR_node_visibility, as Godot 4.5 writes it: a hidden node hides all that is below it.
 TEST_F(Gltf, NodesThatTheFileHidesAreHiddenWithAllBelowThem) {
-  const int seen = file.triangle_node(), hidden = file.triangle_node(), below = file.triangle_node(), shown_below = file.triangle_node();
+  const int seen = file.triangle_node(), hidden = file.triangle_node(), below = file.triangle_node(),
+            shown_below = file.triangle_node();
   file.json["extensionsRequired"] = {"KHR_node_visibility"};
   file.json["nodes"][hidden]["extensions"]["KHR_node_visibility"] = {{"visible", false}};
   file.json["nodes"][shown_below]["extensions"]["KHR_node_visibility"] = {{"visible", true}};
@@ -369,10 +367,8 @@ TEST_F(Gltf, RequiredExtensionsThatLeaveGeometryAloneAreRead) {
 TEST_F(Gltf, BlendedMaterialsBelowTheOccludingOpacityAreSeeThrough) {
   const int clear = file.floats({0, 1, 0, 1, 0, 0, 1, 1, 0});
   const int solid = file.floats({0, 0, 0, 1, 0, 0, 0, 1, 0});
-  file.add("materials",
-           {{"alphaMode", "BLEND"}, {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 0.5}}}}});
-  file.add("materials",
-           {{"alphaMode", "BLEND"}, {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 0.75}}}}});
+  file.add("materials", {{"alphaMode", "BLEND"}, {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 0.5}}}}});
+  file.add("materials", {{"alphaMode", "BLEND"}, {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 0.75}}}}});
   file.mesh_node({{"attributes", {{"POSITION", clear}}}, {"material", 0}});
   file.json["meshes"][0]["primitives"].push_back({{"attributes", {{"POSITION", solid}}}, {"material", 1}});
   const auto asset = load();
@@ -408,15 +404,9 @@ TEST_F(Gltf, ExtrasGiveAttributesAndStayReadable) {
 
 TEST_F(Gltf, WrongExtrasAreNamed) {
   const std::vector<std::pair<json, std::string>> cases = {
-      {{{"opacity", 1.5}}, ".opacity"},
-      {{{"opacity", "1"}}, ".opacity"},
-      {{{"layers", -1}}, ".layers"},
-      {{{"layers", 1.5}}, ".layers"},
-      {{{"layers", 4294967296}}, ".layers"},
-      {{{"occludes", 2}}, ".occludes"},
-      {{{"collides", -1}}, ".collides"},
-      {{{"visible", "no"}}, ".visible"},
-      {json(3), ""},
+      {{{"opacity", 1.5}}, ".opacity"},  {{{"opacity", "1"}}, ".opacity"},      {{{"layers", -1}}, ".layers"},
+      {{{"layers", 1.5}}, ".layers"},    {{{"layers", 4294967296}}, ".layers"}, {{{"occludes", 2}}, ".occludes"},
+      {{{"collides", -1}}, ".collides"}, {{{"visible", "no"}}, ".visible"},     {json(3), ""},
   };
   for (const auto& [value, suffix] : cases) {
     file = GlbBuilder();
@@ -427,8 +417,8 @@ TEST_F(Gltf, WrongExtrasAreNamed) {
 }
 
 TEST_F(Gltf, PerspectiveCamerasAreReadAndOrthographicOnesSkipped) {
-  file.add("cameras", {{"type", "orthographic"},
-                       {"orthographic", {{"xmag", 1}, {"ymag", 1}, {"znear", 0.1}, {"zfar", 10}}}});
+  file.add("cameras",
+           {{"type", "orthographic"}, {"orthographic", {{"xmag", 1}, {"ymag", 1}, {"znear", 0.1}, {"zfar", 10}}}});
   file.add("cameras", {{"type", "perspective"}, {"perspective", {{"yfov", 0.5}, {"znear", 0.25}}}});
   file.add("nodes", {{"camera", 0}});
   file.add("nodes", {{"camera", 1}});
@@ -446,11 +436,11 @@ TEST_F(Gltf, DataUrisAndFilesGiveTheSameGeometryAsAGlb) {
   const auto glb = load();
   const auto data = load(file.gltf_with_data_uri());
   std::string asked;
-  const auto external =
-      load(file.gltf("my%20mesh.bin"), [&](const std::string& path) -> Result<std::vector<std::byte>> {
-        asked = path;
-        return std::vector<std::byte>(file.binary().begin(), file.binary().end());
-      });
+  const auto external = load(file.gltf("my%20mesh.bin"),
+                             [&](const std::string& path) -> Result<std::vector<std::byte>> {
+                               asked = path;
+                               return std::vector<std::byte>(file.binary().begin(), file.binary().end());
+                             });
   EXPECT_EQ(asked, "my mesh.bin");
   ASSERT_TRUE(glb->meshes.at(0));
   EXPECT_EQ(data->meshes.at(0), glb->meshes[0]) << "the same object: the store keeps one copy";
@@ -472,9 +462,7 @@ TEST_F(Gltf, TheHashCoversTheFileAndWhatItRefersTo) {
   const auto read_with = [&](float x) {
     std::vector<std::byte> bytes(file.binary().begin(), file.binary().end());
     std::memcpy(bytes.data() + 12, &x, sizeof x);
-    return load(file.gltf("a.bin"),
-                [&](const std::string&) -> Result<std::vector<std::byte>> { return bytes; })
-        ->hash;
+    return load(file.gltf("a.bin"), [&](const std::string&) -> Result<std::vector<std::byte>> { return bytes; })->hash;
   };
   EXPECT_EQ(read_with(1.0f), read_with(1.0f));
   EXPECT_NE(read_with(1.0f), read_with(2.0f));

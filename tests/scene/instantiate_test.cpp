@@ -62,8 +62,7 @@ std::vector<std::array<std::array<double, 3>, 3>> world_triangles(const NewInsta
   for (size_t k = 0; k < g.indices.size(); k += 3) {
     std::array<std::array<double, 3>, 3> corners;
     for (size_t c = 0; c < 3; ++c) {
-      const glm::dvec3 p =
-          i.pose.position_m + i.pose.rotation * (i.linear * glm::dvec3(g.positions[g.indices[k + c]]));
+      const glm::dvec3 p = i.pose.position_m + i.pose.rotation * (i.linear * glm::dvec3(g.positions[g.indices[k + c]]));
       for (int axis = 0; axis < 3; ++axis) corners[c][axis] = std::round(p[axis] * 1e4) / 1e4 + 0.0;
     }
     // Start at the smallest corner, keeping the winding.
@@ -189,8 +188,7 @@ TEST_F(InstantiateTest, AssetIdsDoNotDependOnTheBindings) {
 
 TEST_F(InstantiateTest, GpuInstancesStandEachForThemselvesOrAreMergedWhenBound) {
   const int trees = add("trees", -1, 0, {100, 0, 0});
-  for (int i = 0; i < 3; ++i)
-    asset.nodes[trees].gpu_instances.push_back(make_affine({i, 0, 0}, about_y(i), {1, 2, 1}));
+  for (int i = 0; i < 3; ++i) asset.nodes[trees].gpu_instances.push_back(make_affine({i, 0, 0}, about_y(i), {1, 2, 1}));
   add("rock", -1, 1);
   const auto made = run();
   ASSERT_EQ(made.size(), 4u);

@@ -58,8 +58,7 @@ SceneDelta removing(std::vector<uint64_t> ids) {
 class MirrorTest : public ::testing::Test {
  protected:
   MirrorTest() {
-    for (uint64_t id = 1; id <= 4; ++id)
-      EXPECT_TRUE(mirror.apply(adding({instance(id, at(double(id)))}), {}));
+    for (uint64_t id = 1; id <= 4; ++id) EXPECT_TRUE(mirror.apply(adding({instance(id, at(double(id)))}), {}));
   }
 
   struct Snapshot {
@@ -138,14 +137,12 @@ TEST_F(MirrorTest, WhatADeltaRemovesIsGoneForTheRestOfIt) {
 
 TEST_F(MirrorTest, AnIdNamedTwiceInOneListIsRefused) {
   expect_refused(removing({1, 2, 1}), {}, ErrorCode::kInvalidArgument, "remove[2]");
-  expect_refused(adding({instance(7), instance(8), instance(7)}), {}, ErrorCode::kInvalidArgument,
-                 "add[2].id");
+  expect_refused(adding({instance(7), instance(8), instance(7)}), {}, ErrorCode::kInvalidArgument, "add[2].id");
   SceneDelta twice = changing(1, {});
   twice.change.push_back({1, {}});
   expect_refused(twice, {}, ErrorCode::kInvalidArgument, "change[1].id");
   expect_refused({}, moving({1, 2, 1}, {at(1), at(2), at(3)}), ErrorCode::kInvalidArgument, "ids[2]");
-  expect_refused(adding({instance(7)}), moving({7, 7}, {at(1), at(2)}), ErrorCode::kInvalidArgument,
-                 "ids[1]");
+  expect_refused(adding({instance(7)}), moving({7, 7}, {at(1), at(2)}), ErrorCode::kInvalidArgument, "ids[1]");
   EXPECT_TRUE(mirror.apply({}, moving({1, 2}, {at(1), at(2)})));  // and a refusal leaves no trace
 }
 
@@ -168,11 +165,9 @@ const double kBad[] = {NAN, INFINITY, -INFINITY, 2e9};
 TEST_F(MirrorTest, BadPosesAreRefused) {
   for (const double bad : kBad) {
     const Pose misplaced = at(0, bad, 0), turned{{0, 0, 0}, {1, bad, 0, 0}};
-    expect_refused({}, moving({1, 2}, {at(1), misplaced}), ErrorCode::kInvalidArgument,
-                   "poses[1].position_m");
+    expect_refused({}, moving({1, 2}, {at(1), misplaced}), ErrorCode::kInvalidArgument, "poses[1].position_m");
     expect_refused({}, moving({1}, {turned}), ErrorCode::kInvalidArgument, "poses[0].rotation");
-    expect_refused(adding({instance(7, misplaced)}), {}, ErrorCode::kInvalidArgument,
-                   "add[0].pose.position_m");
+    expect_refused(adding({instance(7, misplaced)}), {}, ErrorCode::kInvalidArgument, "add[0].pose.position_m");
     expect_refused(adding({instance(7, turned)}), {}, ErrorCode::kInvalidArgument, "add[0].pose.rotation");
   }
   for (const glm::dquat& q : {glm::dquat(0, 0, 0, 0), glm::dquat(1.002, 0, 0, 0), glm::dquat(0.998, 0, 0, 0)})
@@ -212,7 +207,8 @@ TEST_F(MirrorTest, LinearMustBeInvertibleAndFinite) {
   const glm::dmat3 flat(1, 0, 0, 0, 0, 0, 0, 0, 1), parallel(1, 1, 0, 2, 2, 0, 0, 0, 1), huge(1e7);
   // Each column is long enough, but places far away would be 1e9 times as far in the frame of the instance.
   const glm::dmat3 sheared(1, 0, 0, 1, 1e-9, 0, 0, 0, 10);
-  for (const glm::dmat3& bad : {flat, parallel, huge, glm::dmat3(NAN), glm::dmat3(0.0), glm::dmat3(1e-200), glm::dmat3(9e-9), sheared}) {
+  for (const glm::dmat3& bad :
+       {flat, parallel, huge, glm::dmat3(NAN), glm::dmat3(0.0), glm::dmat3(1e-200), glm::dmat3(9e-9), sheared}) {
     NewInstance added = instance(7);
     added.linear = bad;
     expect_refused(adding({added}), {}, ErrorCode::kInvalidArgument, "add[0].linear");
@@ -418,8 +414,7 @@ TEST(MirrorHash, DoesNotDependOnTheOrderOfUpdates) {
 
   std::vector<uint64_t> ids;
   std::vector<Pose> poses;
-  for (uint64_t id = 1; id <= 50; id += 3)
-    ids.push_back(id), poses.push_back(at(random.next_in(-10, 10), 1, 2));
+  for (uint64_t id = 1; id <= 50; id += 3) ids.push_back(id), poses.push_back(at(random.next_in(-10, 10), 1, 2));
   ASSERT_TRUE(forward.apply({}, moving(ids, poses)));
   EXPECT_NE(forward.hash(), backward.hash());
   for (size_t i = ids.size(); i-- > 0;) ASSERT_TRUE(backward.apply({}, moving({ids[i]}, {poses[i]})));

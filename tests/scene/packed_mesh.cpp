@@ -15,8 +15,7 @@ unsigned char* bytes_of(std::vector<std::byte>& buffer) {
 void to_draco(const MeshData& mesh, draco::Mesh& out) {
   out.set_num_points(static_cast<uint32_t>(mesh.positions.size()));
   draco::GeometryAttribute description;
-  description.Init(draco::GeometryAttribute::POSITION, nullptr, 3, draco::DT_FLOAT32, false,
-                   sizeof(glm::vec3), 0);
+  description.Init(draco::GeometryAttribute::POSITION, nullptr, 3, draco::DT_FLOAT32, false, sizeof(glm::vec3), 0);
   const int id = out.AddAttribute(description, true, out.num_points());
   for (uint32_t i = 0; i < out.num_points(); ++i)
     out.attribute(id)->SetAttributeValue(draco::AttributeValueIndex(i), &mesh.positions[i]);
@@ -65,8 +64,7 @@ std::vector<std::byte> meshopt_sequence(const std::vector<uint32_t>& indices, si
 
 std::vector<std::byte> draco_stream(const MeshData& mesh, const DracoOptions& options) {
   draco::Encoder encoder;
-  encoder.SetEncodingMethod(options.edgebreaker ? draco::MESH_EDGEBREAKER_ENCODING
-                                                : draco::MESH_SEQUENTIAL_ENCODING);
+  encoder.SetEncodingMethod(options.edgebreaker ? draco::MESH_EDGEBREAKER_ENCODING : draco::MESH_SEQUENTIAL_ENCODING);
   if (options.quantization_bits > 0)
     encoder.SetAttributeQuantization(draco::GeometryAttribute::POSITION, options.quantization_bits);
   draco::Mesh source;
@@ -92,15 +90,13 @@ int PackedFile::packed_view(std::span<const std::byte> stream, size_t count, siz
 }
 
 int PackedFile::meshopt_node(const MeshData& mesh, size_t index_bytes) {
-  const std::vector<std::byte> positions =
-      meshopt_attributes(std::as_bytes(std::span(mesh.positions)), sizeof(glm::vec3));
+  const std::vector<std::byte> positions = meshopt_attributes(std::as_bytes(std::span(mesh.positions)),
+                                                              sizeof(glm::vec3));
   const std::vector<std::byte> indices = meshopt_triangles(mesh.indices, mesh.positions.size());
-  const int position =
-      accessor_over(packed_view(positions, mesh.positions.size(), sizeof(glm::vec3), "ATTRIBUTES"),
-                    mesh.positions.size(), "VEC3", kFloat);
-  const int index =
-      accessor_over(packed_view(indices, mesh.indices.size(), index_bytes, "TRIANGLES"), mesh.indices.size(),
-                    "SCALAR", index_bytes == 2 ? kUnsignedShort : kUnsignedInt);
+  const int position = accessor_over(packed_view(positions, mesh.positions.size(), sizeof(glm::vec3), "ATTRIBUTES"),
+                                     mesh.positions.size(), "VEC3", kFloat);
+  const int index = accessor_over(packed_view(indices, mesh.indices.size(), index_bytes, "TRIANGLES"),
+                                  mesh.indices.size(), "SCALAR", index_bytes == 2 ? kUnsignedShort : kUnsignedInt);
   return mesh_node({{"attributes", {{"POSITION", position}}}, {"indices", index}});
 }
 

@@ -32,16 +32,15 @@ class PackedFile : public GlbBuilder {
   // The index of a view of `count` elements of `stride` bytes that `stream` unpacks to.
   int packed_view(std::span<const std::byte> stream, size_t count, size_t stride, const char* mode,
                   const char* filter = nullptr);
-  // A node that shows the mesh, positions as floats and indices as `index_bytes` (2 or 4), both packed by meshoptimizer.
+  // A node that shows the mesh, positions as floats and indices as `index_bytes` (2 or 4), both packed by
+  // meshoptimizer.
   int meshopt_node(const MeshData& mesh, size_t index_bytes);
   // The same, packed by Draco.
   int draco_node(const MeshData& mesh, const DracoOptions& options);
   // The whole file; call it once all is added.
   std::vector<std::byte> packed_glb();
 
-  nlohmann::json& packing(int view) {
-    return json["bufferViews"][view]["extensions"]["EXT_meshopt_compression"];
-  }
+  nlohmann::json& packing(int view) { return json["bufferViews"][view]["extensions"]["EXT_meshopt_compression"]; }
 
  private:
   size_t unpacked_bytes_ = 0;

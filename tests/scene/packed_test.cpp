@@ -27,8 +27,7 @@ using testing::StartsWith;
 
 const std::string kDracoField = "meshes[0].primitives[0].extensions.KHR_draco_mesh_compression";
 
-std::shared_ptr<const SceneAsset> load(const std::vector<std::byte>& glb,
-                                       const ExternalFile& external = nullptr) {
+std::shared_ptr<const SceneAsset> load(const std::vector<std::byte>& glb, const ExternalFile& external = nullptr) {
   GeometryStore store;
   auto asset = read_gltf(glb, external, store);
   if (asset) return *asset;
@@ -44,8 +43,7 @@ Error error_of(const std::vector<std::byte>& glb, const GltfLimits& limits = {})
 
 std::vector<Triangle> triangles_in(const std::vector<std::byte>& glb) {
   const auto asset = load(glb);
-  return asset->meshes.size() == 1 && asset->meshes[0] ? triangles_of(*asset->meshes[0])
-                                                       : std::vector<Triangle>();
+  return asset->meshes.size() == 1 && asset->meshes[0] ? triangles_of(*asset->meshes[0]) : std::vector<Triangle>();
 }
 
 // The greatest distance between corners of `a` and the matching corners of `b`, under the rotation of `b`'s corners
@@ -55,8 +53,7 @@ float distance(const Triangle& a, const Triangle& b) {
   for (size_t turn = 0; turn < 3; ++turn) {
     float worst = 0.0f;
     for (size_t k = 0; k < 3; ++k)
-      for (size_t axis = 0; axis < 3; ++axis)
-        worst = std::max(worst, std::abs(a[k][axis] - b[(k + turn) % 3][axis]));
+      for (size_t axis = 0; axis < 3; ++axis) worst = std::max(worst, std::abs(a[k][axis] - b[(k + turn) % 3][axis]));
     best = std::min(best, worst);
   }
   return best;
@@ -67,9 +64,9 @@ float distance(const Triangle& a, const Triangle& b) {
 void expect_same_within(const std::vector<Triangle>& wanted, std::vector<Triangle> found, float step_m) {
   ASSERT_EQ(found.size(), wanted.size());
   for (const Triangle& t : wanted) {
-    const auto nearest = std::min_element(
-        found.begin(), found.end(),
-        [&](const Triangle& a, const Triangle& b) { return distance(t, a) < distance(t, b); });
+    const auto nearest = std::min_element(found.begin(), found.end(), [&](const Triangle& a, const Triangle& b) {
+      return distance(t, a) < distance(t, b);
+    });
     ASSERT_LE(distance(t, *nearest), step_m);
     found.erase(nearest);
   }
@@ -93,10 +90,10 @@ TEST(Meshopt, AnIndexSequenceDrawsAStrip) {
   PackedFile file;
   const std::vector<float> square = {0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0};
   const std::vector<uint32_t> strip = {0, 1, 2, 3};
-  const int position = file.accessor_over(
-      file.packed_view(meshopt_attributes(raw(square), 12), 4, 12, "ATTRIBUTES"), 4, "VEC3", kFloat);
-  const int index = file.accessor_over(file.packed_view(meshopt_sequence(strip, 4), 4, 2, "INDICES"), 4,
-                                       "SCALAR", kUnsignedShort);
+  const int position = file.accessor_over(file.packed_view(meshopt_attributes(raw(square), 12), 4, 12, "ATTRIBUTES"), 4,
+                                          "VEC3", kFloat);
+  const int index = file.accessor_over(file.packed_view(meshopt_sequence(strip, 4), 4, 2, "INDICES"), 4, "SCALAR",
+                                       kUnsignedShort);
   file.mesh_node({{"attributes", {{"POSITION", position}}}, {"indices", index}, {"mode", 5}});
   const MeshData wanted{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}}, {0, 1, 2, 1, 3, 2}};
   EXPECT_EQ(triangles_in(file.packed_glb()), triangles_of(wanted));
@@ -107,11 +104,10 @@ TEST(Meshopt, QuantizedPositionsEqualThoseOfThePlainFile) {
   const MeshData mesh = hills(8);
   std::vector<int16_t> quantized;
   for (const glm::vec3& p : mesh.positions)
-    for (const float value : {p.x, p.y, p.z, 0.0f})
-      quantized.push_back(static_cast<int16_t>(value * 1000.0f));
+    for (const float value : {p.x, p.y, p.z, 0.0f}) quantized.push_back(static_cast<int16_t>(value * 1000.0f));
   GlbBuilder plain;
-  const int plain_position =
-      plain.accessor_over(plain.view(raw(quantized), 8), mesh.positions.size(), "VEC3", kShort, true);
+  const int plain_position = plain.accessor_over(plain.view(raw(quantized), 8), mesh.positions.size(), "VEC3", kShort,
+                                                 true);
   plain.mesh_node({{"attributes", {{"POSITION", plain_position}}},
                    {"indices", plain.accessor(mesh.indices, "SCALAR", kUnsignedInt)}});
 
@@ -119,10 +115,9 @@ TEST(Meshopt, QuantizedPositionsEqualThoseOfThePlainFile) {
   const int position = file.accessor_over(
       file.packed_view(meshopt_attributes(raw(quantized), 8), mesh.positions.size(), 8, "ATTRIBUTES"),
       mesh.positions.size(), "VEC3", kShort, true);
-  const int index =
-      file.accessor_over(file.packed_view(meshopt_triangles(mesh.indices, mesh.positions.size()),
-                                          mesh.indices.size(), 4, "TRIANGLES"),
-                         mesh.indices.size(), "SCALAR", kUnsignedInt);
+  const int index = file.accessor_over(
+      file.packed_view(meshopt_triangles(mesh.indices, mesh.positions.size()), mesh.indices.size(), 4, "TRIANGLES"),
+      mesh.indices.size(), "SCALAR", kUnsignedInt);
   file.mesh_node({{"attributes", {{"POSITION", position}}}, {"indices", index}});
   const auto triangles = triangles_in(file.packed_glb());
   EXPECT_EQ(triangles.size(), 128u);
@@ -132,15 +127,13 @@ TEST(Meshopt, QuantizedPositionsEqualThoseOfThePlainFile) {
 TEST(Meshopt, TheExponentialFilterKeepsItsBits) {
   const MeshData mesh = hills(7);
   std::vector<std::byte> filtered(mesh.positions.size() * sizeof(glm::vec3));
-  meshopt_encodeFilterExp(filtered.data(), mesh.positions.size(), sizeof(glm::vec3), 16,
-                          &mesh.positions[0].x);
+  meshopt_encodeFilterExp(filtered.data(), mesh.positions.size(), sizeof(glm::vec3), 16, &mesh.positions[0].x);
   PackedFile file;
-  const int position =
-      file.accessor_over(file.packed_view(meshopt_attributes(filtered, 12), mesh.positions.size(), 12,
-                                          "ATTRIBUTES", "EXPONENTIAL"),
-                         mesh.positions.size(), "VEC3", kFloat);
-  file.mesh_node({{"attributes", {{"POSITION", position}}},
-                  {"indices", file.accessor(mesh.indices, "SCALAR", kUnsignedInt)}});
+  const int position = file.accessor_over(
+      file.packed_view(meshopt_attributes(filtered, 12), mesh.positions.size(), 12, "ATTRIBUTES", "EXPONENTIAL"),
+      mesh.positions.size(), "VEC3", kFloat);
+  file.mesh_node(
+      {{"attributes", {{"POSITION", position}}}, {"indices", file.accessor(mesh.indices, "SCALAR", kUnsignedInt)}});
   // 15 bits and a sign of the vector's greatest component, which is below 16 m.
   expect_same_within(triangles_of(mesh), triangles_in(file.packed_glb()), 16.0f / 32768.0f);
 }
@@ -173,14 +166,12 @@ TEST(Meshopt, TheQuaternionFilterTurnsInstances) {
   meshopt_encodeFilterQuat(filtered.data(), 3, 8, 16, rotations.data());
   PackedFile file;
   const int node = file.triangle_node();
-  file.json["nodes"][node]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["ROTATION"] =
-      file.accessor_over(file.packed_view(meshopt_attributes(filtered, 8), 3, 8, "ATTRIBUTES", "QUATERNION"),
-                         3, "VEC4", kShort, true);
+  file.json["nodes"][node]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]["ROTATION"] = file.accessor_over(
+      file.packed_view(meshopt_attributes(filtered, 8), 3, 8, "ATTRIBUTES", "QUATERNION"), 3, "VEC4", kShort, true);
   const auto asset = load(file.packed_glb());
   ASSERT_EQ(asset->nodes.at(0).gpu_instances.size(), 3u);
   for (size_t i = 0; i < 3; ++i) {
-    const glm::dquat wanted(rotations[4 * i + 3], rotations[4 * i], rotations[4 * i + 1],
-                            rotations[4 * i + 2]);
+    const glm::dquat wanted(rotations[4 * i + 3], rotations[4 * i], rotations[4 * i + 1], rotations[4 * i + 2]);
     const Affine& found = asset->nodes[0].gpu_instances[i];
     for (int axis = 0; axis < 3; ++axis)
       EXPECT_NEAR(glm::length(found[axis] - glm::mat3_cast(wanted)[axis]), 0.0, 2e-4) << i;
@@ -209,8 +200,8 @@ TEST(Meshopt, AViewThatNothingNeedsIsLeftPacked) {
   PackedFile file;
   file.meshopt_node(hills(4), 2);
   const std::vector<std::byte> nonsense(64, std::byte{0x55});
-  file.json["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] =
-      file.accessor_over(file.packed_view(nonsense, 25, 12, "ATTRIBUTES"), 25, "VEC3", kFloat);
+  file.json["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = file.accessor_over(
+      file.packed_view(nonsense, 25, 12, "ATTRIBUTES"), 25, "VEC3", kFloat);
   EXPECT_EQ(triangles_in(file.packed_glb()).size(), 32u);
 }
 
@@ -237,42 +228,41 @@ TEST_P(MeshoptWrong, IsAnErrorThatNamesTheField) {
 }
 INSTANTIATE_TEST_SUITE_P(
     All, MeshoptWrong,
-    testing::Values(
-        WrongPacking{"NotAnObject", [](auto& f) { f.packing(0) = 7; }, ErrorCode::kInvalidArgument,
-                     "[0].extensions.EXT_meshopt_compression"},
-        WrongPacking{"NoMode", [](auto& f) { f.packing(0).erase("mode"); }, ErrorCode::kInvalidArgument,
-                     "[0].extensions.EXT_meshopt_compression.mode"},
-        WrongPacking{"UnknownMode", [](auto& f) { f.packing(0)["mode"] = "POINTS"; },
-                     ErrorCode::kInvalidArgument, "[0].extensions.EXT_meshopt_compression.mode"},
-        WrongPacking{"UnknownFilter", [](auto& f) { f.packing(0)["filter"] = "SOFT"; },
-                     ErrorCode::kInvalidArgument, "[0].extensions.EXT_meshopt_compression.filter"},
-        WrongPacking{"FilterOfIndices", [](auto& f) { f.packing(1)["filter"] = "EXPONENTIAL"; },
-                     ErrorCode::kInvalidArgument, "[1].extensions.EXT_meshopt_compression.filter"},
-        WrongPacking{"OctahedralOf12Bytes", [](auto& f) { f.packing(0)["filter"] = "OCTAHEDRAL"; },
-                     ErrorCode::kInvalidArgument, "[0].extensions.EXT_meshopt_compression.byteStride"},
-        WrongPacking{"QuaternionOf12Bytes", [](auto& f) { f.packing(0)["filter"] = "QUATERNION"; },
-                     ErrorCode::kInvalidArgument, "[0].extensions.EXT_meshopt_compression.byteStride"},
-        WrongPacking{"StrideOf10Bytes", [](auto& f) { f.packing(0)["byteStride"] = 10; },
-                     ErrorCode::kInvalidArgument, "[0].extensions.EXT_meshopt_compression.byteStride"},
-        WrongPacking{"StrideOfAKilobyte", [](auto& f) { f.packing(0)["byteStride"] = 1024; },
-                     ErrorCode::kInvalidArgument, "[0].extensions.EXT_meshopt_compression.byteStride"},
-        WrongPacking{"IndicesOf8Bytes", [](auto& f) { f.packing(1)["byteStride"] = 8; },
-                     ErrorCode::kInvalidArgument, "[1].extensions.EXT_meshopt_compression.byteStride"},
-        WrongPacking{"StrideOtherThanTheViews", [](auto& f) { f.packing(0)["byteStride"] = 16; },
-                     ErrorCode::kInvalidArgument, "[0].extensions.EXT_meshopt_compression.byteStride"},
-        WrongPacking{"FourIndicesOfTriangles", [](auto& f) { f.packing(1)["count"] = 97; },
-                     ErrorCode::kInvalidArgument, "[1].extensions.EXT_meshopt_compression.count"},
-        WrongPacking{"CountOtherThanTheViews", [](auto& f) { f.packing(0)["count"] = 24; },
-                     ErrorCode::kInvalidArgument, "[0].extensions.EXT_meshopt_compression"},
-        WrongPacking{"NoElements", [](auto& f) { f.packing(0)["count"] = 0; }, ErrorCode::kInvalidArgument,
-                     "[0].extensions.EXT_meshopt_compression.count"},
-        WrongPacking{"UnknownBuffer", [](auto& f) { f.packing(0)["buffer"] = 2; },
-                     ErrorCode::kInvalidArgument, "[0].extensions.EXT_meshopt_compression.buffer"},
-        WrongPacking{"BeyondTheBuffer", [](auto& f) { f.packing(0)["byteOffset"] = 1'000'000; },
-                     ErrorCode::kDataLoss, "[0].extensions.EXT_meshopt_compression"},
-        WrongPacking{"AnotherStream",
-                     [](auto& f) { f.packing(0)["byteOffset"] = f.packing(1)["byteOffset"]; },
-                     ErrorCode::kDataLoss, "[0].extensions.EXT_meshopt_compression"}),
+    testing::Values(WrongPacking{"NotAnObject", [](auto& f) { f.packing(0) = 7; }, ErrorCode::kInvalidArgument,
+                                 "[0].extensions.EXT_meshopt_compression"},
+                    WrongPacking{"NoMode", [](auto& f) { f.packing(0).erase("mode"); }, ErrorCode::kInvalidArgument,
+                                 "[0].extensions.EXT_meshopt_compression.mode"},
+                    WrongPacking{"UnknownMode", [](auto& f) { f.packing(0)["mode"] = "POINTS"; },
+                                 ErrorCode::kInvalidArgument, "[0].extensions.EXT_meshopt_compression.mode"},
+                    WrongPacking{"UnknownFilter", [](auto& f) { f.packing(0)["filter"] = "SOFT"; },
+                                 ErrorCode::kInvalidArgument, "[0].extensions.EXT_meshopt_compression.filter"},
+                    WrongPacking{"FilterOfIndices", [](auto& f) { f.packing(1)["filter"] = "EXPONENTIAL"; },
+                                 ErrorCode::kInvalidArgument, "[1].extensions.EXT_meshopt_compression.filter"},
+                    WrongPacking{"OctahedralOf12Bytes", [](auto& f) { f.packing(0)["filter"] = "OCTAHEDRAL"; },
+                                 ErrorCode::kInvalidArgument, "[0].extensions.EXT_meshopt_compression.byteStride"},
+                    WrongPacking{"QuaternionOf12Bytes", [](auto& f) { f.packing(0)["filter"] = "QUATERNION"; },
+                                 ErrorCode::kInvalidArgument, "[0].extensions.EXT_meshopt_compression.byteStride"},
+                    WrongPacking{"StrideOf10Bytes", [](auto& f) { f.packing(0)["byteStride"] = 10; },
+                                 ErrorCode::kInvalidArgument, "[0].extensions.EXT_meshopt_compression.byteStride"},
+                    WrongPacking{"StrideOfAKilobyte", [](auto& f) { f.packing(0)["byteStride"] = 1024; },
+                                 ErrorCode::kInvalidArgument, "[0].extensions.EXT_meshopt_compression.byteStride"},
+                    WrongPacking{"IndicesOf8Bytes", [](auto& f) { f.packing(1)["byteStride"] = 8; },
+                                 ErrorCode::kInvalidArgument, "[1].extensions.EXT_meshopt_compression.byteStride"},
+                    WrongPacking{"StrideOtherThanTheViews", [](auto& f) { f.packing(0)["byteStride"] = 16; },
+                                 ErrorCode::kInvalidArgument, "[0].extensions.EXT_meshopt_compression.byteStride"},
+                    WrongPacking{"FourIndicesOfTriangles", [](auto& f) { f.packing(1)["count"] = 97; },
+                                 ErrorCode::kInvalidArgument, "[1].extensions.EXT_meshopt_compression.count"},
+                    WrongPacking{"CountOtherThanTheViews", [](auto& f) { f.packing(0)["count"] = 24; },
+                                 ErrorCode::kInvalidArgument, "[0].extensions.EXT_meshopt_compression"},
+                    WrongPacking{"NoElements", [](auto& f) { f.packing(0)["count"] = 0; }, ErrorCode::kInvalidArgument,
+                                 "[0].extensions.EXT_meshopt_compression.count"},
+                    WrongPacking{"UnknownBuffer", [](auto& f) { f.packing(0)["buffer"] = 2; },
+                                 ErrorCode::kInvalidArgument, "[0].extensions.EXT_meshopt_compression.buffer"},
+                    WrongPacking{"BeyondTheBuffer", [](auto& f) { f.packing(0)["byteOffset"] = 1'000'000; },
+                                 ErrorCode::kDataLoss, "[0].extensions.EXT_meshopt_compression"},
+                    WrongPacking{"AnotherStream",
+                                 [](auto& f) { f.packing(0)["byteOffset"] = f.packing(1)["byteOffset"]; },
+                                 ErrorCode::kDataLoss, "[0].extensions.EXT_meshopt_compression"}),
     [](const auto& one) { return std::string(one.param.name); });
 
 TEST(Meshopt, AnUnpackedViewIntoTheBufferWithoutBytesIsAnError) {
@@ -306,8 +296,7 @@ TEST(Meshopt, NothingIsAllocatedForElementsThatTheStreamCannotHold) {
   file.packed_glb();
   for (const int view : {0, 1}) {
     file.packing(view)["count"] = 150'000'000;
-    file.json["bufferViews"][view]["byteLength"] =
-        150'000'000 * file.packing(view)["byteStride"].get<size_t>();
+    file.json["bufferViews"][view]["byteLength"] = 150'000'000 * file.packing(view)["byteStride"].get<size_t>();
   }
   file.json["buffers"][1]["byteLength"] = 3'000'000'000;
   const size_t before = peak_bytes();
@@ -426,10 +415,10 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(
         WrongDraco{"NotAnObject", [](json& p, json&) { packing_of(p) = "x"; }, ErrorCode::kInvalidArgument,
                    ".extensions.KHR_draco_mesh_compression"},
-        WrongDraco{"NoView", [](json& p, json&) { packing_of(p).erase("bufferView"); },
-                   ErrorCode::kInvalidArgument, ".extensions.KHR_draco_mesh_compression.bufferView"},
-        WrongDraco{"UnknownView", [](json& p, json&) { packing_of(p)["bufferView"] = 9; },
-                   ErrorCode::kInvalidArgument, ".extensions.KHR_draco_mesh_compression.bufferView"},
+        WrongDraco{"NoView", [](json& p, json&) { packing_of(p).erase("bufferView"); }, ErrorCode::kInvalidArgument,
+                   ".extensions.KHR_draco_mesh_compression.bufferView"},
+        WrongDraco{"UnknownView", [](json& p, json&) { packing_of(p)["bufferView"] = 9; }, ErrorCode::kInvalidArgument,
+                   ".extensions.KHR_draco_mesh_compression.bufferView"},
         WrongDraco{"NoPosition", [](json& p, json&) { packing_of(p)["attributes"] = json::object(); },
                    ErrorCode::kInvalidArgument, ".extensions.KHR_draco_mesh_compression.attributes.POSITION"},
         WrongDraco{"NegativeId", [](json& p, json&) { packing_of(p)["attributes"]["POSITION"] = -1; },

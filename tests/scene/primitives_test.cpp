@@ -100,8 +100,7 @@ TEST(Primitives, FacetsStayWithinOnePercentOfTheRadius) {
         // Edges too: their middles are the deepest points.
         double u = k < 20 ? 0.5 : random.next_unit(), v = k < 20 ? 0.025 * k : random.next_unit();
         if (u + v > 1) u = 1 - u, v = 1 - v;
-        const glm::dvec3 p =
-            (1 - u - v) * corner(mesh, i) + u * corner(mesh, i + 1) + v * corner(mesh, i + 2);
+        const glm::dvec3 p = (1 - u - v) * corner(mesh, i) + u * corner(mesh, i + 1) + v * corner(mesh, i + 2);
         EXPECT_LT(distance_from(c.shape, p), 1e-6 * glm::length(p)) << c.name;  // inscribed
         deepest = std::max(deepest, -distance_from(c.shape, p));
       }
@@ -145,7 +144,8 @@ TEST(Primitives, SizesOutsideTheRangeAreRefusedByName) {
 
 TEST(Primitives, ABodyIsTheShapesAtTheirPlaces) {
   const glm::dquat quarter = glm::angleAxis(kPi / 2, glm::dvec3(0, 0, 1));
-  const PlacedShape parts[] = {{BoxShape{{1, 2, 3}}, {{10, 0, 0}, {1, 0, 0, 0}}}, {CapsuleShape{0.5f, 1.0f}, {{0, 5, 0}, quarter}}};
+  const PlacedShape parts[] = {{BoxShape{{1, 2, 3}}, {{10, 0, 0}, {1, 0, 0, 0}}},
+                               {CapsuleShape{0.5f, 1.0f}, {{0, 5, 0}, quarter}}};
   const MeshData box = tessellate(parts[0].shape).value(), capsule = tessellate(parts[1].shape).value();
   const MeshData body = tessellate(parts).value();
   ASSERT_EQ(body.indices.size(), box.indices.size() + capsule.indices.size());
@@ -153,7 +153,8 @@ TEST(Primitives, ABodyIsTheShapesAtTheirPlaces) {
     const bool of_box = i < box.indices.size();
     const PlacedShape& part = parts[of_box ? 0 : 1];
     const glm::dvec3 own = of_box ? corner(box, i) : corner(capsule, i - box.indices.size());
-    EXPECT_LT(glm::distance(corner(body, i), part.body_from_shape.position_m + part.body_from_shape.rotation * own), 1e-5);
+    EXPECT_LT(glm::distance(corner(body, i), part.body_from_shape.position_m + part.body_from_shape.rotation * own),
+              1e-5);
   }
   const PlacedShape wrong[] = {parts[0], {SphereShape{-1}, {}}};
   EXPECT_EQ(tessellate(wrong).error().field, "[1].radius_m");

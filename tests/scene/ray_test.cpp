@@ -57,11 +57,9 @@ TEST(RayCaster, FindsTheFirstHitThatBruteForceFinds) {
   int hits = 0;
   for (int i = 0; i < 4000; ++i) {
     const auto any = [&](double size) {
-      return glm::dvec3(random.next_in(-size, size), random.next_in(-size, size),
-                        random.next_in(-size, size));
+      return glm::dvec3(random.next_in(-size, size), random.next_in(-size, size), random.next_in(-size, size));
     };
-    const glm::dvec3 origin = glm::dvec3(middle) + any(5.0),
-                     direction = glm::dvec3(middle) + any(2.0) - origin;
+    const glm::dvec3 origin = glm::dvec3(middle) + any(5.0), direction = glm::dvec3(middle) + any(2.0) - origin;
     const Brute want = brute_first_hit(*geometry, origin, direction);
     if (want.edge < 1e-4) continue;  // may fall on either side of the edge
     const SurfaceHit got = caster.first_hit(origin, direction);

@@ -204,8 +204,10 @@ TEST_F(SceneFolder, AnOwnerWithinItsShareOfTheBytesLosesNothing) {
   const size_t bytes = sizeof(SceneAsset) + one->nodes.size() * sizeof(AssetNode) + one->meshes.at(0)->bytes();
   SceneLibrary small("", GltfLimits{}, store, false, 8 * bytes);
   std::vector<ContentHash> hashes;
-  for (const float x : {1.0f, 2.0f, 3.0f, 4.0f}) hashes.push_back((*small.add_uploaded(triangle_glb(x), "other"))->hash);
-  for (const float x : {11.0f, 12.0f, 13.0f, 14.0f, 15.0f, 16.0f, 17.0f}) ASSERT_TRUE(small.add_uploaded(triangle_glb(x), "many"));
+  for (const float x : {1.0f, 2.0f, 3.0f, 4.0f})
+    hashes.push_back((*small.add_uploaded(triangle_glb(x), "other"))->hash);
+  for (const float x : {11.0f, 12.0f, 13.0f, 14.0f, 15.0f, 16.0f, 17.0f})
+    ASSERT_TRUE(small.add_uploaded(triangle_glb(x), "many"));
   for (const ContentHash& hash : hashes) EXPECT_TRUE(small.find(hash, {"other"}));
 }
 
@@ -263,7 +265,8 @@ TEST_F(SceneFolder, AnUploadIsFoundByItsOwnerAndByThoseWhoSeeAll) {
 }
 
 TEST_F(SceneFolder, EqualUploadsOfTwoOwnersShareTheirGeometryOnly) {
-  const auto mine = library.add_uploaded(triangle_glb(100), "me"), yours = library.add_uploaded(triangle_glb(100), "you");
+  const auto mine = library.add_uploaded(triangle_glb(100), "me"),
+             yours = library.add_uploaded(triangle_glb(100), "you");
   ASSERT_TRUE(mine && yours);
   EXPECT_NE(*mine, *yours);
   EXPECT_EQ((*mine)->meshes.at(0), (*yours)->meshes.at(0));

@@ -54,8 +54,7 @@ TEST_P(Corridors, AreClosedAndNarrow) {
   for (double time_s = 0; time_s <= 30; time_s += 0.1, ++places) {
     const glm::dvec3 chest = stage.pose_of(target, time_s).position_m + glm::dvec3(0, 1.1, 0);
     const auto meets = [&](const glm::vec3& d, float within_m) {
-      return colliders.trace(chest, d, 0, within_m, {.ignored_slots = stage.target_slots()}).slot !=
-             UINT32_MAX;
+      return colliders.trace(chest, d, 0, within_m, {.ignored_slots = stage.target_slots()}).slot != UINT32_MAX;
     };
     EXPECT_TRUE(meets({0, 1, 0}, 2)) << "at " << time_s;
     for (int turn = 0; turn < 16; ++turn)

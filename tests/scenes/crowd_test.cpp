@@ -43,8 +43,7 @@ TEST_P(Crowd, NobodyWalksThroughAnybodyElse) {
   for (double time_s = 0; time_s <= 20; time_s += 6 * kTick_s) {
     const std::vector<glm::dvec3> all = places(stage, time_s);
     for (size_t a = 0; a < all.size(); ++a)
-      for (size_t b = a + 1; b < all.size(); ++b)
-        EXPECT_GE(glm::distance(all[a], all[b]), 0.6) << "at " << time_s;
+      for (size_t b = a + 1; b < all.size(); ++b) EXPECT_GE(glm::distance(all[a], all[b]), 0.6) << "at " << time_s;
   }
 }
 

@@ -22,8 +22,7 @@ TEST_P(Forest, HidesATargetFromACameraAtAFixedOffsetInOver15PercentOfFrames) {
   const auto bytes = make_forest({.seed = GetParam()});
   for (bool turning : {false, true}) {
     const Hidden hidden = hidden_from_fixed_offset(bytes, turning);
-    RecordProperty(turning ? "turning_any_percent" : "any_percent",
-                   static_cast<int>(100 * hidden.one_or_more));
+    RecordProperty(turning ? "turning_any_percent" : "any_percent", static_cast<int>(100 * hidden.one_or_more));
     RecordProperty(turning ? "turning_all_percent" : "all_percent", static_cast<int>(100 * hidden.all));
     EXPECT_GT(hidden.one_or_more, 0.15) << (turning ? "turning" : "not turning");
   }
@@ -34,8 +33,7 @@ TEST_P(Forest, PathWindsToBothSides) {
   for (const Role& role : stage.with_role("target")) {
     double low = 0, high = 0;
     for (double time_s = 0; time_s < 30; time_s += 0.1) {
-      const glm::dvec3 step =
-          stage.pose_of(role, time_s + 0.1).position_m - stage.pose_of(role, time_s).position_m;
+      const glm::dvec3 step = stage.pose_of(role, time_s + 0.1).position_m - stage.pose_of(role, time_s).position_m;
       low = std::min(low, std::atan2(step.z, step.x));
       high = std::max(high, std::atan2(step.z, step.x));
     }
@@ -49,8 +47,7 @@ TEST_P(Forest, TrunksCollideAndCrownsDoNot) {
   Stage stage(make_forest({.seed = GetParam()}));
   stage.play(0);
   EmbreeDevice device;
-  EmbreeScene colliders(device, EmbreeScene::Content::kColliders),
-      occluders(device, EmbreeScene::Content::kOccluders);
+  EmbreeScene colliders(device, EmbreeScene::Content::kColliders), occluders(device, EmbreeScene::Content::kOccluders);
   colliders.take_in(stage.mirror());
   occluders.take_in(stage.mirror());
   const std::vector<uint32_t> targets = stage.target_slots();
@@ -80,12 +77,10 @@ TEST_P(Forest, TrunksComeBetweenTheTargets) {
   const std::vector<Role> roles = stage.with_role("target");
   int between = 0;
   for (double time_s = 0; time_s < 30; time_s += 0.05) {
-    const glm::dvec3 a = stage.pose_of(roles[0], time_s).position_m,
-                     b = stage.pose_of(roles[1], time_s).position_m;
-    between +=
-        colliders
-            .trace(a + glm::dvec3(0, 0.9, 0), glm::vec3(b - a), 0, 1, {.ignored_slots = stage.target_slots()})
-            .slot != UINT32_MAX;
+    const glm::dvec3 a = stage.pose_of(roles[0], time_s).position_m, b = stage.pose_of(roles[1], time_s).position_m;
+    between += colliders
+                   .trace(a + glm::dvec3(0, 0.9, 0), glm::vec3(b - a), 0, 1, {.ignored_slots = stage.target_slots()})
+                   .slot != UINT32_MAX;
   }
   EXPECT_GT(between, 0);
 }

@@ -22,8 +22,7 @@ Hidden hidden_from_fixed_offset(std::span<const std::byte> bytes, bool turning) 
   EmbreeDevice device;
   EmbreeScene occluders(device, EmbreeScene::Content::kOccluders);
   const std::vector<Role> targets = stage.with_role("target");
-  const glm::dvec3 offset =
-      stage.pose_of(stage.with_role("camera")[0], 0).position_m - middle_of_targets(stage, 0);
+  const glm::dvec3 offset = stage.pose_of(stage.with_role("camera")[0], 0).position_m - middle_of_targets(stage, 0);
   const glm::dquat first = stage.pose_of(targets[0], 0).rotation;
   int frames = 0, any = 0, all = 0;
   for (double time_s = 0; time_s <= stage.duration_s(); time_s += kFrame_s, ++frames) {
@@ -35,8 +34,7 @@ Hidden hidden_from_fixed_offset(std::span<const std::byte> bytes, bool turning) 
     size_t hidden = 0;
     for (const Role& role : targets) {
       const glm::dvec3 chest = stage.pose_of(role, time_s).position_m + glm::dvec3(0, 0.9, 0);
-      hidden +=
-          occluders.trace(eye, glm::vec3(chest - eye), 0, 1, {.ignored_slots = ignored}).slot != UINT32_MAX;
+      hidden += occluders.trace(eye, glm::vec3(chest - eye), 0, 1, {.ignored_slots = ignored}).slot != UINT32_MAX;
     }
     any += hidden > 0;
     all += hidden == targets.size();

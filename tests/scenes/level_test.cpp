@@ -1,5 +1,6 @@
-// The levels keep their promises: every walk is swept against the geometry that the server's reader finds in the file, with distances by
-// Embree. The levels of tiles are skipped where the folder of the tiles is absent (environment variable SIGHTLINE_TILES).
+// The levels keep their promises: every walk is swept against the geometry that the server's reader finds in the file,
+// with distances by Embree. The levels of tiles are skipped where the folder of the tiles is absent (environment
+// variable SIGHTLINE_TILES).
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -101,7 +102,9 @@ TEST_P(EveryLevel, KeepsTargetsOnAFloorOrWithinAStepOfIt) {
     for (double time_s = 0; time_s <= stage_->duration_s(); time_s += 6 * kTick_s, ++ticks) {
       const glm::dvec3 feet = stage_->pose_of(role, time_s).position_m;
       // A little to one side: many doors stand on the seam of two tiles.
-      const double above_m = colliders.trace(feet + glm::dvec3(0.013, 0.5, 0.007), {0, -1, 0}, 0, 3, filter).distance_m - 0.5;
+      const double above_m = colliders.trace(feet + glm::dvec3(0.013, 0.5, 0.007), {0, -1, 0}, 0, 3, filter)
+                                 .distance_m -
+                             0.5;
       EXPECT_GE(above_m, -1e-3) << role.name << " at " << time_s;
       EXPECT_LE(above_m, 0.75) << role.name << " at " << time_s;
       above_a_step += above_m > 0.035;  // a joint between two tiles is 0.03 m deep
@@ -133,7 +136,8 @@ TEST_P(EveryLevel, KeepsTargetsApartFromEachOther) {
   for (double time_s = 0; time_s <= stage_->duration_s(); time_s += 2 * kTick_s)
     for (size_t a = 0; a < targets.size(); ++a)
       for (size_t b = a + 1; b < targets.size(); ++b)
-        EXPECT_GE(glm::distance(stage_->pose_of(targets[a], time_s).position_m, stage_->pose_of(targets[b], time_s).position_m),
+        EXPECT_GE(glm::distance(stage_->pose_of(targets[a], time_s).position_m,
+                                stage_->pose_of(targets[b], time_s).position_m),
                   2 * kRadius_m)
             << "at " << time_s;
 }
@@ -154,7 +158,8 @@ TEST_P(EveryLevel, StartsTheCameraInFreeSpaceWithEveryTargetInSight) {
     EXPECT_LE(std::abs(in_view.x), -in_view.z * 0.647) << role.name;  // 40 degrees high, 16:9
     EXPECT_LE(std::abs(in_view.y), -in_view.z * 0.364) << role.name;
     const RayFilter filter{.ignored_slots = targets};
-    EXPECT_EQ(occluders.trace(camera.position_m, glm::vec3(chest - camera.position_m), 0, 1, filter).slot, UINT32_MAX) << role.name;
+    EXPECT_EQ(occluders.trace(camera.position_m, glm::vec3(chest - camera.position_m), 0, 1, filter).slot, UINT32_MAX)
+        << role.name;
   }
 }
 
@@ -193,7 +198,8 @@ TEST(LevelParts, OfAFolderWithoutTilesAreRefusedWithItsName) {
 TEST(Levels, OfTilesHaveTheWalksAndTheFurnitureOfThoseOfBoxes) {
   if (tiles_folder("").empty()) GTEST_SKIP() << "no folder of tiles: " << kTilesVariable << " is not set";
   for (const CatalogEntry* entry : scenes_of(SceneGroup::kLevels)) {
-    const Stage boxes(*entry->make({.seed = 3})), tiles(*find_scene("tile-" + entry->name.substr(6))->make({.seed = 3}));
+    const Stage boxes(*entry->make({.seed = 3})),
+        tiles(*find_scene("tile-" + entry->name.substr(6))->make({.seed = 3}));
     ASSERT_EQ(boxes.asset().nodes.size(), tiles.asset().nodes.size()) << entry->name;
     for (size_t n = 0; n < boxes.asset().nodes.size(); ++n) {
       EXPECT_EQ(boxes.asset().nodes[n].name, tiles.asset().nodes[n].name) << entry->name;
@@ -225,7 +231,8 @@ TEST(Levels, PartTheirTwoTargetsByAWall) {
     const std::vector<Role> targets = stage.with_role("target");
     double parted_s = 0;
     for (double time_s = 0; time_s < stage.duration_s(); time_s += 0.25) {
-      const glm::dvec3 a = stage.pose_of(targets[0], time_s).position_m, b = stage.pose_of(targets[1], time_s).position_m;
+      const glm::dvec3 a = stage.pose_of(targets[0], time_s).position_m,
+                       b = stage.pose_of(targets[1], time_s).position_m;
       parted_s += a.z < 7.5 && b.z > 8.5 ? 0.25 : 0.0;  // in rows 0 and 1
     }
     EXPECT_GE(parted_s, 9) << "seed " << seed;

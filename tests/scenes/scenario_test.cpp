@@ -1,5 +1,5 @@
-// Every generated scenario of the group `study` keeps these promises. level_test.cpp and situation_test.cpp test the other groups.
-// They are checked through the server's reader and mirror, and with Embree for distances and visibility.
+// Every generated scenario of the group `study` keeps these promises. level_test.cpp and situation_test.cpp test the
+// other groups. They are checked through the server's reader and mirror, and with Embree for distances and visibility.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -119,8 +119,7 @@ TEST_P(EveryScenario, KeepsTargetsOnTheFloorAndClearOfEveryCollider) {
     const std::vector<uint32_t> targets = stage.target_slots();
     for (const Role& role : stage.with_role("target")) {
       const glm::dvec3 feet = stage.pose_of(role, time_s).position_m;
-      const RayHit floor =
-          colliders.trace(feet + glm::dvec3(0, 0.5, 0), {0, -1, 0}, 0, 1, {.ignored_slots = targets});
+      const RayHit floor = colliders.trace(feet + glm::dvec3(0, 0.5, 0), {0, -1, 0}, 0, 1, {.ignored_slots = targets});
       EXPECT_NEAR(floor.distance_m, 0.5, 1e-3) << role.name << " at " << time_s;
       for (double height_m : {0.35, 0.9, 1.5})  // along the axis of the capsule
         EXPECT_GE(colliders.nearest_surface_m(feet + glm::dvec3(0, height_m, 0), 1.0f, targets), 0.3 - 1e-3)
@@ -135,9 +134,9 @@ TEST_P(EveryScenario, KeepsTargetsApartFromEachOther) {
   for (double time_s = 0; time_s <= stage.duration_s(); time_s += 4 * kTick_s)
     for (size_t a = 0; a < targets.size(); ++a)
       for (size_t b = a + 1; b < targets.size(); ++b)
-        EXPECT_GE(glm::distance(stage.pose_of(targets[a], time_s).position_m,
-                                stage.pose_of(targets[b], time_s).position_m),
-                  0.6)
+        EXPECT_GE(
+            glm::distance(stage.pose_of(targets[a], time_s).position_m, stage.pose_of(targets[b], time_s).position_m),
+            0.6)
             << "at " << time_s;
 }
 
@@ -145,8 +144,7 @@ TEST_P(EveryScenario, StartsTheCameraInFreeSpaceLookingAtTheTargets) {
   Stage stage(GetParam().make());
   stage.play(0);
   EmbreeDevice device;
-  EmbreeScene colliders(device, EmbreeScene::Content::kColliders),
-      occluders(device, EmbreeScene::Content::kOccluders);
+  EmbreeScene colliders(device, EmbreeScene::Content::kColliders), occluders(device, EmbreeScene::Content::kOccluders);
   colliders.take_in(stage.mirror());
   occluders.take_in(stage.mirror());
   const Pose camera = stage.pose_of(stage.with_role("camera")[0], 0);
@@ -171,8 +169,8 @@ TEST_P(EveryScenario, NeverSweepsAnOccluderThroughATarget) {
     const std::vector<uint32_t> targets = stage.target_slots();
     for (const Role& role : stage.with_role("target"))
       for (double height_m : {0.35, 0.9, 1.5})
-        EXPECT_GE(occluders.nearest_surface_m(
-                      stage.pose_of(role, time_s).position_m + glm::dvec3(0, height_m, 0), 1.0f, targets),
+        EXPECT_GE(occluders.nearest_surface_m(stage.pose_of(role, time_s).position_m + glm::dvec3(0, height_m, 0), 1.0f,
+                                              targets),
                   0.3 - 1e-3)
             << role.name << " at " << time_s;
   }
@@ -216,9 +214,9 @@ TEST(Arena, KeepsEightTargetsApart) {
   for (double time_s = 0; time_s <= 20; time_s += 0.1)
     for (size_t a = 0; a < targets.size(); ++a)
       for (size_t b = a + 1; b < targets.size(); ++b)
-        EXPECT_GE(glm::distance(stage.pose_of(targets[a], time_s).position_m,
-                                stage.pose_of(targets[b], time_s).position_m),
-                  1.2);
+        EXPECT_GE(
+            glm::distance(stage.pose_of(targets[a], time_s).position_m, stage.pose_of(targets[b], time_s).position_m),
+            1.2);
 }
 
 TEST(Fence, MovesToAndFroBetweenTheCameraAndTheTargets) {
@@ -227,8 +225,7 @@ TEST(Fence, MovesToAndFroBetweenTheCameraAndTheTargets) {
   int turns = 0;
   double before = 0;
   for (double time_s = 0.1; time_s < 10; time_s += 0.1) {
-    const double step =
-        stage.pose_of(fence, time_s).position_m.x - stage.pose_of(fence, time_s - 0.1).position_m.x;
+    const double step = stage.pose_of(fence, time_s).position_m.x - stage.pose_of(fence, time_s - 0.1).position_m.x;
     turns += step * before < 0;
     before = step;
   }
@@ -242,8 +239,7 @@ bool both_seen(const Stage& stage, const EmbreeScene& occluders, double time_s, 
   for (const Role& role : stage.with_role("target")) {
     const glm::dvec3 at = stage.pose_of(role, time_s).position_m + glm::dvec3(point_m, 0.0);
     const std::vector<uint32_t> ignored = stage.target_slots();
-    if (occluders.trace(eye, glm::vec3(at - eye), 0, 1, {.ignored_slots = ignored}).slot != UINT32_MAX)
-      return false;
+    if (occluders.trace(eye, glm::vec3(at - eye), 0, 1, {.ignored_slots = ignored}).slot != UINT32_MAX) return false;
   }
   return true;
 }
@@ -290,8 +286,7 @@ size_t hidden_from_the_start(Stage& stage, double time_s) {
 TEST(Fence, ItsBoardHidesBothTargetsFromThenOnAndNothingLastsBefore) {
   Stage stage(make_fence({.board_at_s = 4.0}));
   std::map<size_t, int> frames_before;
-  for (double time_s = 0; time_s <= 4.0; time_s += 4 * kTick_s)
-    ++frames_before[hidden_from_the_start(stage, time_s)];
+  for (double time_s = 0; time_s <= 4.0; time_s += 4 * kTick_s) ++frames_before[hidden_from_the_start(stage, time_s)];
   EXPECT_GT(frames_before[0], frames_before[2]) << "the fence hides for moments";
   for (double time_s = 4.25; time_s <= 10.0; time_s += 0.25)
     EXPECT_EQ(hidden_from_the_start(stage, time_s), 2u) << "at " << time_s;
@@ -324,8 +319,7 @@ TEST_P(HallIsHard, CameraAtAFixedOffsetLosesATargetInOver15PercentOfFrames) {
   const std::vector<std::byte> bytes = make_hall({.seed = GetParam()});
   for (bool turning : {false, true}) {
     const Hidden hidden = hidden_from_fixed_offset(bytes, turning);
-    RecordProperty(turning ? "turning_any_percent" : "any_percent",
-                   static_cast<int>(100 * hidden.one_or_more));
+    RecordProperty(turning ? "turning_any_percent" : "any_percent", static_cast<int>(100 * hidden.one_or_more));
     RecordProperty(turning ? "turning_all_percent" : "all_percent", static_cast<int>(100 * hidden.all));
     EXPECT_GT(hidden.one_or_more, 0.15) << (turning ? "turning" : "not turning");
   }
@@ -377,14 +371,16 @@ TEST(Hall, FromTheFrontTheCameraFacesTheTargets) {
   const Pose camera = stage.pose_of(stage.with_role("camera")[0], 0);
   for (const Role& target : stage.with_role("target")) {
     const glm::dvec3 walks_m = stage.pose_of(target, 0.5).position_m - stage.pose_of(target, 0).position_m;
-    EXPECT_GT(glm::dot(camera.position_m - stage.pose_of(target, 0).position_m, glm::normalize(walks_m)), 4.5) << target.name;
+    EXPECT_GT(glm::dot(camera.position_m - stage.pose_of(target, 0).position_m, glm::normalize(walks_m)), 4.5)
+        << target.name;
   }
 }
 
 // The time from the first tick at which the curtain hides the chest of one target to the first at which it hides both.
 TEST(Hall, CurtainsHideBothTargetsSuddenlyAndAreDrawnInSightLongBefore) {
-  for (const auto& [seed, from_front] : {std::pair(1, false), std::pair(2, false), std::pair(3, false), std::pair(4, false), std::pair(5, false), std::pair(1, true),
-                                         std::pair(2, true), std::pair(3, true)}) {
+  for (const auto& [seed, from_front] :
+       {std::pair(1, false), std::pair(2, false), std::pair(3, false), std::pair(4, false), std::pair(5, false),
+        std::pair(1, true), std::pair(2, true), std::pair(3, true)}) {
     SCOPED_TRACE(from_front ? "from the front" : "from behind");
     Stage stage(make_hall({.seed = static_cast<uint64_t>(seed), .from_front = from_front}));
     EmbreeDevice device;
@@ -401,9 +397,8 @@ TEST(Hall, CurtainsHideBothTargetsSuddenlyAndAreDrawnInSightLongBefore) {
         size_t hidden = 0;
         for (const Role& role : targets) {
           const glm::dvec3 chest = stage.pose_of(role, time_s).position_m + glm::dvec3(0, 0.9, 0);
-          hidden +=
-              occluders.trace(eye, glm::vec3(chest - eye), 0, 1, {.ignored_slots = stage.target_slots()})
-                  .slot == slot;
+          hidden += occluders.trace(eye, glm::vec3(chest - eye), 0, 1, {.ignored_slots = stage.target_slots()}).slot ==
+                    slot;
         }
         const bool moves = glm::distance(stage.pose_of(curtain, time_s).position_m,
                                          stage.pose_of(curtain, time_s + kTick_s).position_m) > 1e-3;

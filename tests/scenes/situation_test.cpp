@@ -1,4 +1,5 @@
-// The scenes of the groups `situations` and `roofs`: what all of them promise, and for each the fact that it was made for.
+// The scenes of the groups `situations` and `roofs`: what all of them promise, and for each the fact that it was made
+// for.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -23,8 +24,8 @@ std::vector<std::byte> made(const std::string& name, uint64_t seed) {
   return *bytes;
 }
 
-// Points of a target's body, in its own frame, and how far from every collider they must be. The shapes follow from the meshes: a capsule, a
-// car, a ball.
+// Points of a target's body, in its own frame, and how far from every collider they must be. The shapes follow from the
+// meshes: a capsule, a car, a ball.
 struct BodyPoints {
   std::vector<glm::dvec3> points_m;
   double radius_m = 0;
@@ -90,8 +91,9 @@ TEST_P(EverySituation, NeverMovesATargetIntoAnother) {
   for (double time_s = 0; time_s <= stage.duration_s(); time_s += 2 * kTick_s)
     for (size_t a = 0; a < targets.size(); ++a)
       for (size_t b = a + 1; b < targets.size(); ++b)
-        EXPECT_GE(glm::distance(stage.pose_of(targets[a], time_s).position_m, stage.pose_of(targets[b], time_s).position_m),
-                  points_of(stage, targets[a]).radius_m + points_of(stage, targets[b]).radius_m)
+        EXPECT_GE(
+            glm::distance(stage.pose_of(targets[a], time_s).position_m, stage.pose_of(targets[b], time_s).position_m),
+            points_of(stage, targets[a]).radius_m + points_of(stage, targets[b]).radius_m)
             << "at " << time_s;
 }
 
@@ -101,7 +103,8 @@ TEST_P(EverySituation, StartsTheCameraInFreeSpaceWithEveryTargetInSight) {
     Stage stage(made(GetParam(), seed));
     stage.play(0);
     EmbreeDevice device;
-    EmbreeScene colliders(device, EmbreeScene::Content::kColliders), occluders(device, EmbreeScene::Content::kOccluders);
+    EmbreeScene colliders(device, EmbreeScene::Content::kColliders),
+        occluders(device, EmbreeScene::Content::kOccluders);
     colliders.take_in(stage.mirror());
     occluders.take_in(stage.mirror());
     const std::vector<uint32_t> targets = stage.target_slots();
@@ -115,7 +118,8 @@ TEST_P(EverySituation, StartsTheCameraInFreeSpaceWithEveryTargetInSight) {
       EXPECT_LE(std::abs(in_view.x), -in_view.z * 0.647) << role.name << ", seed " << seed;  // 40 degrees high, 16:9
       EXPECT_LE(std::abs(in_view.y), -in_view.z * 0.364) << role.name << ", seed " << seed;
       const RayFilter filter{.ignored_slots = targets};
-      EXPECT_EQ(occluders.trace(camera.position_m, glm::vec3(middle - camera.position_m), 0, 1, filter).slot, UINT32_MAX)
+      EXPECT_EQ(occluders.trace(camera.position_m, glm::vec3(middle - camera.position_m), 0, 1, filter).slot,
+                UINT32_MAX)
           << role.name << ", seed " << seed;
     }
   }
@@ -134,7 +138,9 @@ double speed_mps(const Stage& stage, double time_s) {
 double nearest_m(const Stage& stage, size_t person, double time_s) {
   double nearest_m = INFINITY;
   for (size_t other = 0; other < stage.with_role("target").size(); ++other)
-    if (other != person) nearest_m = std::min(nearest_m, glm::distance(place(stage, "target", person, time_s), place(stage, "target", other, time_s)));
+    if (other != person)
+      nearest_m = std::min(
+          nearest_m, glm::distance(place(stage, "target", person, time_s), place(stage, "target", other, time_s)));
   return nearest_m;
 }
 
@@ -159,7 +165,8 @@ TEST(Roofs, PeopleWhoWalkDoSoEachOnAWayOfTheirOwn) {
       const glm::dvec3 from_first_m = place(stage, "target", person, 0) - place(stage, "target", (person + 1) % 3, 0);
       for (double time_s = 0; time_s < 20; time_s += 0.1) {
         way_m += glm::distance(place(stage, "target", person, time_s), place(stage, "target", person, time_s + 0.1));
-        const glm::dvec3 now_m = place(stage, "target", person, time_s) - place(stage, "target", (person + 1) % 3, time_s);
+        const glm::dvec3 now_m = place(stage, "target", person, time_s) -
+                                 place(stage, "target", (person + 1) % 3, time_s);
         aside_m = std::max(aside_m, glm::distance(now_m, from_first_m));
         EXPECT_GT(nearest_m(stage, person, time_s), 0.5 * gap_m);
         EXPECT_LT(nearest_m(stage, person, time_s), 1.6 * gap_m);
@@ -173,7 +180,8 @@ TEST(Roofs, PeopleWhoWalkDoSoEachOnAWayOfTheirOwn) {
 TEST(Roofs, HaveACeilingOfTwoAndAHalfToFourMetresOverEverybody) {
   std::vector<double> ceilings_m;
   for (uint64_t seed = 1; seed <= 4; ++seed)
-    for (const RoofsOptions& options : {RoofsOptions{.seed = seed}, RoofsOptions{.seed = seed, .walk = true, .corridor = true}}) {
+    for (const RoofsOptions& options :
+         {RoofsOptions{.seed = seed}, RoofsOptions{.seed = seed, .walk = true, .corridor = true}}) {
       Stage stage(make_roofs(options));
       stage.play(10);
       EmbreeDevice device;
@@ -182,7 +190,8 @@ TEST(Roofs, HaveACeilingOfTwoAndAHalfToFourMetresOverEverybody) {
       const std::vector<uint32_t> targets = stage.target_slots();
       const RayFilter filter{.ignored_slots = targets};
       for (size_t person = 0; person < 2; ++person) {
-        const RayHit hit = colliders.trace(place(stage, "target", person, 10) + glm::dvec3(0, 1, 0), {0, 1, 0}, 0, 10, filter);
+        const RayHit hit = colliders.trace(place(stage, "target", person, 10) + glm::dvec3(0, 1, 0), {0, 1, 0}, 0, 10,
+                                           filter);
         ceilings_m.push_back(1 + hit.distance_m);
       }
     }
@@ -217,7 +226,8 @@ TEST(Maze, LeadsTheTargetsOverMuchMoreThanTheDistanceThatTheyCover) {
     for (double time_s = 0; time_s + 0.1 < stage.duration_s(); time_s += 0.1)
       walked_m += glm::distance(place(stage, "target", 0, time_s + 0.1), place(stage, "target", 0, time_s));
     EXPECT_GT(walked_m, 40) << "seed " << seed;
-    EXPECT_GT(walked_m, 2 * glm::distance(place(stage, "target", 0, 0), place(stage, "target", 0, 39))) << "seed " << seed;
+    EXPECT_GT(walked_m, 2 * glm::distance(place(stage, "target", 0, 0), place(stage, "target", 0, 39)))
+        << "seed " << seed;
   }
 }
 
@@ -284,7 +294,8 @@ TEST(Block, HidesTheWaitingCarFromEverywhereOnTheGroundBeforeIt) {
     EXPECT_LT(glm::distance(place(stage, "target", 0, stage.duration_s() - 25), end), 1e-3) << "it waits for 25 s";
     const std::vector<uint32_t> targets = stage.target_slots();
     const glm::dvec3 from = start + glm::dvec3(0, 2, 0), way = end + glm::dvec3(0, 1, 0) - from;
-    EXPECT_NE(occluders.trace(from, glm::vec3(way), 0, 1, {.ignored_slots = targets}).slot, UINT32_MAX) << "seed " << seed;
+    EXPECT_NE(occluders.trace(from, glm::vec3(way), 0, 1, {.ignored_slots = targets}).slot, UINT32_MAX)
+        << "seed " << seed;
   }
 }
 
@@ -319,7 +330,9 @@ TEST(Sprint, IsFasterThanTheCameraMayBeAndThenSlower) {
 
 TEST(Parting, ItsTargetsAreSixtyMetresApartAndMeetAgain) {
   const Stage stage(made("parting", 1));
-  const auto apart_m = [&](double time_s) { return glm::distance(place(stage, "target", 0, time_s), place(stage, "target", 1, time_s)); };
+  const auto apart_m = [&](double time_s) {
+    return glm::distance(place(stage, "target", 0, time_s), place(stage, "target", 1, time_s));
+  };
   EXPECT_NEAR(apart_m(0), 1.2, 0.01);
   EXPECT_NEAR(apart_m(30), 60, 0.1);
   EXPECT_NEAR(apart_m(58), 1.2, 0.1);
@@ -327,7 +340,9 @@ TEST(Parting, ItsTargetsAreSixtyMetresApartAndMeetAgain) {
 
 TEST(Leaving, OneTargetIsGoneForGood) {
   const Stage stage(made("leaving", 1));
-  const auto apart_m = [&](double time_s) { return glm::distance(place(stage, "target", 0, time_s), place(stage, "target", 1, time_s)); };
+  const auto apart_m = [&](double time_s) {
+    return glm::distance(place(stage, "target", 0, time_s), place(stage, "target", 1, time_s));
+  };
   EXPECT_NEAR(apart_m(0), 1.2, 0.01);
   EXPECT_GT(apart_m(stage.duration_s()), 200);
 }
@@ -336,7 +351,8 @@ TEST(Teleport, JumpsByTwentyMetresThreeTimes) {
   const Stage stage(made("teleport", 1));
   int jumps = 0;
   for (int tick = 0; (tick + 1) * kTick_s < stage.duration_s(); ++tick) {
-    const double moved_m = glm::distance(place(stage, "target", 0, (tick + 1) * kTick_s), place(stage, "target", 0, tick * kTick_s));
+    const double moved_m = glm::distance(place(stage, "target", 0, (tick + 1) * kTick_s),
+                                         place(stage, "target", 0, tick * kTick_s));
     if (moved_m < 0.1) continue;
     EXPECT_NEAR(moved_m, 20, 0.1);
     ++jumps;

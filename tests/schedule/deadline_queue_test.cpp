@@ -37,8 +37,7 @@ TEST(DeadlineQueue, TheEarliestDeadlineGoesFirst) {
     expected.push_back(&flow);
   }
   std::stable_sort(expected.begin(), expected.end(), [&](const Flow* a, const Flow* b) {
-    return deadlines[static_cast<size_t>(a - flows.data())] <
-           deadlines[static_cast<size_t>(b - flows.data())];
+    return deadlines[static_cast<size_t>(a - flows.data())] < deadlines[static_cast<size_t>(b - flows.data())];
   });
   for (const Flow* flow : expected) EXPECT_EQ(queue.pop(kLateNever), flow);
   EXPECT_EQ(queue.pop(kLateNever), nullptr);
@@ -304,8 +303,7 @@ class Machine {
     if (!player.running && !waits(player)) post(player);
   }
   bool waits(const Player& player) const {
-    return player.flow.waits() ||
-           std::find(first_come_.begin(), first_come_.end(), &player) != first_come_.end();
+    return player.flow.waits() || std::find(first_come_.begin(), first_come_.end(), &player) != first_come_.end();
   }
   void post(Player& player) {
     player.due_ns = *player.newest_ns + player.interval_ns;
@@ -374,8 +372,7 @@ TEST_P(Overload, EqualSessionsGetEqualSharesOfThreeTimesTooMuch) {
   const unsigned threads = GetParam();
   CounterRandom random = random_of(threads);
   std::vector<Player> players;
-  for (unsigned i = 0; i < 12 * threads; ++i)
-    players.push_back({16 * kMs, 4 * kMs, random.next_below(16) * kMs});
+  for (unsigned i = 0; i < 12 * threads; ++i) players.push_back({16 * kMs, 4 * kMs, random.next_below(16) * kMs});
   Machine(players, threads).run(4000 * kMs);
   const double equal_ns = 4000.0 * kMs / 12;
   for (const Player& player : players) {
@@ -430,7 +427,8 @@ TEST_P(Overload, LongStepsOfOtherClientsMakeNobodyWait) {
   const unsigned threads = GetParam();
   if (threads == 1) GTEST_SKIP() << "one thread is busy with a step that is not interrupted";
   std::vector<Player> players;
-  for (const char* client : {"first", "first", "first", "second", "second", "third"}) players.push_back({16 * kMs, 80 * kMs, 0, client});
+  for (const char* client : {"first", "first", "first", "second", "second", "third"})
+    players.push_back({16 * kMs, 80 * kMs, 0, client});
   players.push_back({16 * kMs, kMs, 5 * kMs, "short"});
   Machine(players, threads).run(4000 * kMs);
   EXPECT_LE(players.back().late, 3u) << "until it is known that the steps are long";

@@ -121,10 +121,12 @@ std::vector<double> after_late_renewals(double capacity, const std::vector<doubl
   std::vector<FairShares::Slot> slots;
   for (size_t i = 0; i < demands.size(); ++i) slots.push_back(shares.join(std::to_string(i)));
   std::vector<double> last(demands.size());
-  // In the first period nothing is late, since no demands are known. A period is renewed by its own steps at the start of the next one.
+  // In the first period nothing is late, since no demands are known. A period is renewed by its own steps at the start
+  // of the next one.
   for (int period = 0; period < renewals + 2; ++period)
     for (int step = 0; step < 4; ++step)
-      for (size_t i = 0; i < slots.size(); ++i) last[i] = shares.report(slots[i], demands[i], i == 0 && period > 0, period * kRenewed);
+      for (size_t i = 0; i < slots.size(); ++i)
+        last[i] = shares.report(slots[i], demands[i], i == 0 && period > 0, period * kRenewed);
   return last;
 }
 

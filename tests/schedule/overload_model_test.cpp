@@ -9,8 +9,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <deque>
 #include <cstdio>
+#include <deque>
 #include <memory>
 #include <numbers>
 #include <vector>
@@ -30,13 +30,13 @@ constexpr double kRelativeCost[] = {1.0, 0.8, 0.55, 0.42, 0.28, 0.15};
 
 struct Load {
   size_t sessions = 100;
-  double step_us = 80;        // at level 0
-  double transport_us = 70;   // of a tick and its reply, for the event loop, and again for the client
-  double swing = 0.0;         // the cost of a session's steps swings by this share, every 4 s
-  double hard_factor = 1.0;   // from second 5 to 12 all steps cost so many times as much
-  size_t greedy = 0;          // sessions whose steps cost greedy_factor times as much
+  double step_us = 80;       // at level 0
+  double transport_us = 70;  // of a tick and its reply, for the event loop, and again for the client
+  double swing = 0.0;        // the cost of a session's steps swings by this share, every 4 s
+  double hard_factor = 1.0;  // from second 5 to 12 all steps cost so many times as much
+  size_t greedy = 0;         // sessions whose steps cost greedy_factor times as much
   double greedy_factor = 60;
-  size_t crowd = 0;           // sessions that belong to one client; the others belong to another
+  size_t crowd = 0;  // sessions that belong to one client; the others belong to another
   double seconds = 20;
 };
 
@@ -207,8 +207,8 @@ class Model {
 };
 
 void print(const char* name, const Outcome& o) {
-  std::printf("%-10s late %.2f %%, degraded %.1f %%, level changes %.0f, modest: late %.2f %%, degraded %.1f %%\n", name,
-              100 * o.late / o.ticks, 100 * o.degraded / o.steps, o.level_changes, 100 * o.modest_late / o.ticks,
+  std::printf("%-10s late %.2f %%, degraded %.1f %%, level changes %.0f, modest: late %.2f %%, degraded %.1f %%\n",
+              name, 100 * o.late / o.ticks, 100 * o.degraded / o.steps, o.level_changes, 100 * o.modest_late / o.ticks,
               100 * o.modest_degraded / o.steps);
 }
 

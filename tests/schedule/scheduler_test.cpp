@@ -176,8 +176,7 @@ TEST(Scheduler, ATaskWithoutMapsIsFinishedWithoutTheDevice) {
 
 TEST(Scheduler, EachTaskGetsTheResultOfItsOwnMaps) {
   HeldScheduler held(4);
-  held.post("good", 1, kLater), held.post("bad", CountingDevice::kFails, kLater + 1),
-      held.post("fine", 2, kLater + 2);
+  held.post("good", 1, kLater), held.post("bad", CountingDevice::kFails, kLater + 1), held.post("fine", 2, kLater + 2);
   const Entries entries = held.run(6);
   EXPECT_EQ(Entries(entries.begin() + 3, entries.end()), (Entries{"good ok", "bad failed", "fine ok"}));
 }
@@ -221,7 +220,8 @@ TEST(Scheduler, TheTimeOfTheMapsIsDividedByTheirNumber) {
   const auto plug = std::make_shared<Plug>();
   scheduler.post(plug, 0);
   plug->wait_until_it_holds();
-  const auto one = std::make_shared<Priced>(events, 1, now_ns, 5), none = std::make_shared<Priced>(events, 0, now_ns, 7),
+  const auto one = std::make_shared<Priced>(events, 1, now_ns, 5),
+             none = std::make_shared<Priced>(events, 0, now_ns, 7),
              three = std::make_shared<Priced>(events, 3, now_ns, 11);
   scheduler.post(one, kLater), scheduler.post(none, kLater + 1), scheduler.post(three, kLater + 2);
   plug->pull();
@@ -242,7 +242,8 @@ TEST(Scheduler, RunsAllWaitingTasksBeforeItEnds) {
   EXPECT_EQ(events.after(0).size(), 100u);
 }
 
-// Each look at this clock takes longer than a step may to be a short one. So all steps are long, and of those that wait some are held.
+// Each look at this clock takes longer than a step may to be a short one. So all steps are long, and of those that wait
+// some are held.
 TEST(Scheduler, RunsTasksThatAreHeldBeforeItEnds) {
   EventLog events;
   CountingDevice device(1);

@@ -65,8 +65,8 @@ TEST(StepBudget, TheLevelStaysAtZeroWhileTheSessionKeepsUp) {
   EXPECT_EQ(session.changes, 0);
 }
 
-// Short stalls of the machine: three steps that take six times as long, and are behind their ticks. The expected cost is above the budget
-// for about 0.2 s after each.
+// Short stalls of the machine: three steps that take six times as long, and are behind their ticks. The expected cost
+// is above the budget for about 0.2 s after each.
 TEST(StepBudget, SlowStepsNowAndThenChangeNothing) {
   SteppedSession session;
   session.full_cost_ms = 8.0;
@@ -277,8 +277,13 @@ TEST(SessionCounters, ASessionIsAtOneLevelUntilItEnds) {
 TEST(SessionCounters, AStepIsTheSumOfItsStages) {
   StepStats stats;
   SessionCounters session(stats);
-  session.step({.quality_level = 2, .merged_ticks = 3, .arrival_ns = 1'000, .reply_ns = 5'001'000, .queue_ns = 7'000,
-                .scene_ns = 1'000'000, .stage_ns = {2'000'000, 3'000'000, 4'000'000, 5'000'000}});
+  session.step({.quality_level = 2,
+                .merged_ticks = 3,
+                .arrival_ns = 1'000,
+                .reply_ns = 5'001'000,
+                .queue_ns = 7'000,
+                .scene_ns = 1'000'000,
+                .stage_ns = {2'000'000, 3'000'000, 4'000'000, 5'000'000}});
   EXPECT_NEAR(stats.step.sum_s(), 15e-3, 1e-9);
   EXPECT_NEAR(stats.tick_age.sum_s(), 5e-3, 1e-9);
   EXPECT_NEAR(stats.stages[0].sum_s(), 1e-3, 1e-9);

@@ -44,8 +44,8 @@ grpc::StatusCode call_of_a_thread(const std::shared_ptr<grpc::Channel>& channel)
   return v1::CameraControlService::NewStub(channel)->GetServerInfo(&context, {}, &info).error_code();
 }
 
-// True when several calls in a row find no thread. A single one can be refused while a thread is on its way from one call to the
-// next.
+// True when several calls in a row find no thread. A single one can be refused while a thread is on its way from one
+// call to the next.
 bool no_thread_is_left(const std::shared_ptr<grpc::Channel>& channel) {
   for (int i = 0; i < 5; ++i)
     if (call_of_a_thread(channel) != grpc::StatusCode::RESOURCE_EXHAUSTED) return false;
@@ -72,8 +72,8 @@ bool is_answered(Stream& stream, uint64_t sequence) {
   return reply && reply->has_camera() && reply->camera().sequence() == sequence;
 }
 
-// gRPC chooses a queue at random for each connection, and a loop that is late hands its steps to the scheduler. The test
-// therefore opens more sessions, and sends more ticks, until each loop has stepped.
+// gRPC chooses a queue at random for each connection, and a loop that is late hands its steps to the scheduler. The
+// test therefore opens more sessions, and sends more ticks, until each loop has stepped.
 TEST(Calls, SessionsOfSeveralLoopsAreAllAnswered) {
   constexpr size_t kLeast = 8, kMost = 48;
   const ServiceWorld world({.threads = 1, .loops = 2});
@@ -87,10 +87,9 @@ TEST(Calls, SessionsOfSeveralLoopsAreAllAnswered) {
   EXPECT_EQ(world.device.stepping_threads(), kAll);
 }
 
-// A client whose call failed waits a moment. Calls that fail at once would be made by the thousand, and ThreadSanitizer, which reports on each,
-// takes longer for each.
-void call_until(const std::atomic<bool>& stopped, const std::shared_ptr<grpc::Channel>& channel,
-                bool sessions) {
+// A client whose call failed waits a moment. Calls that fail at once would be made by the thousand, and
+// ThreadSanitizer, which reports on each, takes longer for each.
+void call_until(const std::atomic<bool>& stopped, const std::shared_ptr<grpc::Channel>& channel, bool sessions) {
   while (!stopped) {
     bool failed = false;
     if (sessions) {

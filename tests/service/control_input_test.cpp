@@ -113,7 +113,8 @@ tuning::v1alpha1::FilterSettings& filter_of(tuning::v1alpha1::Tuning& tuning) {
 }
 const BadValue kBadValues[] = {
     {"tuning.aggregate.filter.alpha", "0 or in [1e-06, 1]", [](auto&, auto& t, auto&) { filter_of(t).set_alpha(1.5); }},
-    {"tuning.aggregate.filter.alpha", "0 or in [1e-06, 1]", [](auto&, auto& t, auto&) { filter_of(t).set_alpha(-0.1); }},
+    {"tuning.aggregate.filter.alpha", "0 or in [1e-06, 1]",
+     [](auto&, auto& t, auto&) { filter_of(t).set_alpha(-0.1); }},
     {"tuning.aggregate.filter.n", "[1, 64]", [](auto&, auto& t, auto&) { filter_of(t).set_n(0); }},
     {"tuning.aggregate.filter.n", "[1, 64]", [](auto&, auto& t, auto&) { filter_of(t).set_n(65); }},
     {"tuning.aggregate.filter.window_s", "[1e-06, 1]", [](auto&, auto& t, auto&) { filter_of(t).set_window_s(0); }},
@@ -123,30 +124,26 @@ const BadValue kBadValues[] = {
      [](auto&, auto& t, auto&) { t.mutable_aggregate()->set_candidates(UINT32_MAX); }},
     {"tuning.bound.horizon_s", "[0.05, 2]", [](auto&, auto& t, auto&) { t.mutable_bound()->set_horizon_s(2.5); }},
     {"tuning.bound.max_horizon_s", "[0.5, 2]",
-     [](auto&, auto& t, auto&) {
-       t.mutable_bound()->set_horizon_s(0.5), t.mutable_bound()->set_max_horizon_s(2.5);
-     }},
+     [](auto&, auto& t, auto&) { t.mutable_bound()->set_horizon_s(0.5), t.mutable_bound()->set_max_horizon_s(2.5); }},
     {"tuning.bound.paper_n", "[1, 1e+06]", [](auto&, auto& t, auto&) { t.mutable_bound()->set_paper_n(0); }},
     {"tuning.sample.resolution", "[2, 64]", [](auto&, auto& t, auto&) { t.mutable_sample()->set_resolution(0); }},
     {"tuning.sample.points", "[0, 16]", [](auto&, auto& t, auto&) { t.mutable_sample()->set_points(17); }},
-    {"settings.prediction_s", "0 or in [1e-06, 2]",
-     [](auto& s, auto&, auto&) { s.set_prediction_s(2.01); }},
+    {"settings.prediction_s", "0 or in [1e-06, 2]", [](auto& s, auto&, auto&) { s.set_prediction_s(2.01); }},
     {"tuning.move.cost", "above 0",
      [](auto&, auto& t, auto&) {
        tuning::v1alpha1::CostWeights& cost = *t.mutable_move()->mutable_cost();
        cost.set_occlusion(0), cost.set_distance(0), cost.set_route(0);
      }},
     {"settings.max_distance_m", "(1, 10000]",
-     [](auto& s, auto&, auto&) {
-       s.set_min_distance_m(1), s.set_max_distance_m(1);
-     }},
+     [](auto& s, auto&, auto&) { s.set_min_distance_m(1), s.set_max_distance_m(1); }},
     {"settings.framing_margin", "0 or in [1e-06, 0.9]",
      [](auto& s, auto&, auto&) { s.set_framing_margin(std::numeric_limits<double>::quiet_NaN()); }},
     {"settings.preset", "named values",
      [](auto& s, auto&, auto&) { s.set_preset(static_cast<v1::Settings::Preset>(7)); }},
     {"limits.max_speed_mps", "[1e-06, 1000]", [](auto&, auto&, auto& l) { l.set_max_speed_mps(-1); }},
     {"limits.max_acceleration_mps2", "[1e-06, 10000]", [](auto&, auto&, auto& l) { l.set_max_acceleration_mps2(0); }},
-    {"limits.max_angular_speed_radps", "[1e-06, 100]", [](auto&, auto&, auto& l) { l.set_max_angular_speed_radps(-3); }},
+    {"limits.max_angular_speed_radps", "[1e-06, 100]",
+     [](auto&, auto&, auto& l) { l.set_max_angular_speed_radps(-3); }},
     {"limits.max_angular_acceleration_radps2", "[1e-06, 1000]",
      [](auto&, auto&, auto& l) { l.set_max_angular_acceleration_radps2(-12); }},
     {"limits.body_radius_m", "0 or in [1e-06, 10]", [](auto&, auto&, auto& l) { l.set_body_radius_m(-0.3); }},
@@ -245,7 +242,8 @@ TEST(ControlInput, AnOversizeMessageEndsItsCallOnly) {
   oversize.send(huge);
   const grpc::Status status = oversize.finish();
   EXPECT_EQ(status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
-  EXPECT_NE(status.error_message().find("65536 are allowed (--max-message-mib)"), std::string::npos) << status.error_message();
+  EXPECT_NE(status.error_message().find("65536 are allowed (--max-message-mib)"), std::string::npos)
+      << status.error_message();
   EXPECT_EQ(hits_of(world, "max-message-mib"), 1u);
   good.send(move_tick(1, 1, 0.1));
   EXPECT_TRUE(good.read()->has_camera());

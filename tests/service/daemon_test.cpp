@@ -26,21 +26,33 @@ TEST(DaemonFlags, AnUnknownOneIsAnError) {
 }
 
 TEST(DaemonFlags, AValueOutOfRangeIsAnError) {
-  const std::vector<std::vector<std::string>> wrong{
-      {"--sampler", "magic"},          {"--listen", "nowhere"},
-      {"--listen", "127.0.0.1:70000"}, {"--threads", "-1"},
-      {"--max-sessions", "0"},         {"--unix-mode", "abc"},
-      {"--scene-dir", "/no/such/dir"}, {"--drain-s", "-1"},
-      {"--log-level", "chatty"},       {"--egl-device", "-2"},
-      {"--max-message-mib", "0"},      {"stray"},
-      {"--max-upload-mib", "nine"},    {"--config", "/no/such/file"},
-      {"--open-timeout-s", "0"},       {"--scene-dir", std::string(300, 'x')},
-      {"--upload-timeout-s", "0"},     {"--upload-timeout-s", "nan"},
-      {"--drain-s", "nan"},            {"--step-budget-ms", "nan"},
-      {"--listen", "none"},
-      {"--step-budget-ms", "-1"},      {"--step-budget-ms", "1001"},
-      {"--record", "some"},            {"--record-total-mib", "0"},
-      {"--record-age-h", "-1"},        {"--record-file-mib", "0"}};
+  const std::vector<std::vector<std::string>> wrong{{"--sampler", "magic"},
+                                                    {"--listen", "nowhere"},
+                                                    {"--listen", "127.0.0.1:70000"},
+                                                    {"--threads", "-1"},
+                                                    {"--max-sessions", "0"},
+                                                    {"--unix-mode", "abc"},
+                                                    {"--scene-dir", "/no/such/dir"},
+                                                    {"--drain-s", "-1"},
+                                                    {"--log-level", "chatty"},
+                                                    {"--egl-device", "-2"},
+                                                    {"--max-message-mib", "0"},
+                                                    {"stray"},
+                                                    {"--max-upload-mib", "nine"},
+                                                    {"--config", "/no/such/file"},
+                                                    {"--open-timeout-s", "0"},
+                                                    {"--scene-dir", std::string(300, 'x')},
+                                                    {"--upload-timeout-s", "0"},
+                                                    {"--upload-timeout-s", "nan"},
+                                                    {"--drain-s", "nan"},
+                                                    {"--step-budget-ms", "nan"},
+                                                    {"--listen", "none"},
+                                                    {"--step-budget-ms", "-1"},
+                                                    {"--step-budget-ms", "1001"},
+                                                    {"--record", "some"},
+                                                    {"--record-total-mib", "0"},
+                                                    {"--record-age-h", "-1"},
+                                                    {"--record-file-mib", "0"}};
   for (const auto& arguments : wrong) EXPECT_EQ(run_sightlined(arguments).exit_code, 2) << arguments.front();
 }
 
@@ -48,24 +60,46 @@ TEST(DaemonFlags, EveryOneIsExplained) {
   const RunResult help = run_sightlined({"--help"});
   EXPECT_EQ(help.exit_code, 0);
   for (const char* flag :
-       {"--listen ",        "--listen-unix",    "--unix-mode",    "--scene-dir",    "--sampler",
-        "--egl-device",     "--require-gpu",    "--threads",      "--max-sessions", "--max-message-mib",
-        "--max-upload-mib", "--log-format",     "--log-level",    "--ready-file",   "--drain-s",
-        "--version",        "--print-config",   "--check-config", "--config",       "devices",
-        "--open-timeout-s", "--upload-timeout-s", "--step-budget-ms", "--no-degrade",
-        "--record-dir",     "--record ",      "--record-scenes", "--record-total-mib",
-        "--record-file-mib", "--record-age-h",  "--record-reserve-mib"}) {
+       {"--listen ",           "--listen-unix",      "--unix-mode",        "--scene-dir",       "--sampler",
+        "--egl-device",        "--require-gpu",      "--threads",          "--max-sessions",    "--max-message-mib",
+        "--max-upload-mib",    "--log-format",       "--log-level",        "--ready-file",      "--drain-s",
+        "--version",           "--print-config",     "--check-config",     "--config",          "devices",
+        "--open-timeout-s",    "--upload-timeout-s", "--step-budget-ms",   "--no-degrade",      "--record-dir",
+        "--record ",           "--record-scenes",    "--record-total-mib", "--record-file-mib", "--record-age-h",
+        "--record-reserve-mib"}) {
     EXPECT_NE(help.output.find(flag), std::string::npos) << flag;
   }
 }
 
 TEST(DaemonFlags, APrintedConfigurationReadsBackTheSame) {
-  const RunResult first =
-      run_sightlined({"--listen", "none", "--listen-unix", "/tmp/a b.sock", "--sampler", "embree",
-                      "--max-sessions", "7", "--drain-s", "0.25", "--require-gpu", "--unix-mode", "0600",
-                       "--step-budget-ms", "2.5", "--no-degrade", "--log-format", "json",
-                       "--record-dir", "/tmp/a b", "--record", "asked",
-                       "--record-scenes", "--record-total-mib", "77", "--record-age-h", "5", "--print-config"});
+  const RunResult first = run_sightlined({"--listen",
+                                          "none",
+                                          "--listen-unix",
+                                          "/tmp/a b.sock",
+                                          "--sampler",
+                                          "embree",
+                                          "--max-sessions",
+                                          "7",
+                                          "--drain-s",
+                                          "0.25",
+                                          "--require-gpu",
+                                          "--unix-mode",
+                                          "0600",
+                                          "--step-budget-ms",
+                                          "2.5",
+                                          "--no-degrade",
+                                          "--log-format",
+                                          "json",
+                                          "--record-dir",
+                                          "/tmp/a b",
+                                          "--record",
+                                          "asked",
+                                          "--record-scenes",
+                                          "--record-total-mib",
+                                          "77",
+                                          "--record-age-h",
+                                          "5",
+                                          "--print-config"});
   ASSERT_EQ(first.exit_code, 0) << first.errors;
   for (const char* line : {"max-sessions=7", "record=\"asked\"", "record-scenes=true", "record-total-mib=77"})
     EXPECT_NE(first.output.find(line), std::string::npos) << first.output;
@@ -102,7 +136,8 @@ TEST(DaemonFlags, AValueOfAConfigurationFileEndsWithItsQuote) {
   std::ofstream(folder / "commented.conf") << "record-dir = \"/a#b\"  # \"c\"\nsampler = embree # d\n";
   const RunResult printed = run_sightlined({"--config", folder / "commented.conf", "--print-config"});
   EXPECT_NE(printed.output.find("record-dir=\"/a#b\"\n"), std::string::npos) << printed.output << printed.errors;
-  for (const char* line : {"record-dir = \"/a", "record-dir = \"/a\" b", "record-dir = '/a\"", "record-dir = /it's \"a\"", "listen = [1, 2]"}) {
+  for (const char* line : {"record-dir = \"/a", "record-dir = \"/a\" b", "record-dir = '/a\"",
+                           "record-dir = /it's \"a\"", "listen = [1, 2]"}) {
     std::ofstream(folder / "wrong.conf") << line << '\n';
     const RunResult checked = run_sightlined({"--config", folder / "wrong.conf", "--check-config"});
     EXPECT_EQ(checked.exit_code, 2) << line;
@@ -125,7 +160,8 @@ TEST(DaemonFlags, DevicesReportsEmbreeAlways) {
 TEST(DaemonFlags, TheSamplerIsTheOneThatWasAskedFor) {
   for (const char* sampler : {"embree", "egl"}) {
     const RunResult report = run_sightlined({"devices", "--sampler", sampler});
-    EXPECT_NE(report.output.find("used because: asked for with --sampler"), std::string::npos) << sampler << report.output;
+    EXPECT_NE(report.output.find("used because: asked for with --sampler"), std::string::npos)
+        << sampler << report.output;
   }
   EXPECT_EQ(run_sightlined({"devices"}).output.find("asked for"), std::string::npos);
 }
@@ -134,8 +170,8 @@ TEST(DaemonFlags, WhatIsForOneRunOnlyIsNoPartOfAConfiguration) {
   const RunResult printed = run_sightlined({"--inject-fault", "sampler:3", "--print-config"});
   ASSERT_EQ(printed.exit_code, 0) << printed.errors;
   const test::TemporaryFolder folder;
-  for (const std::string name :
-       {"inject-fault", "config", "print-config", "check-config", "version", "describe", "help", "json", "live", "tls", "address", "devices", "healthcheck"}) {
+  for (const std::string name : {"inject-fault", "config", "print-config", "check-config", "version", "describe",
+                                 "help", "json", "live", "tls", "address", "devices", "healthcheck"}) {
     EXPECT_EQ(printed.output.find("\n" + name + "="), std::string::npos) << name;
     EXPECT_EQ(printed.output.find("\n" + name + "."), std::string::npos) << name;
     EXPECT_EQ(printed.output.find("[" + name + "]"), std::string::npos) << name;
@@ -202,8 +238,8 @@ TEST(Daemon, ASocketLeftBehindByAKilledOneIsTakenOver) {
 TEST(Daemon, AFileThatIsNoSocketIsLeftAlone) {
   const test::TemporaryFolder folder;
   std::ofstream(folder / "precious") << "data";
-  const RunResult result =
-      run_sightlined({"--sampler", "embree", "--listen", "none", "--listen-unix", folder / "precious"});
+  const RunResult result = run_sightlined(
+      {"--sampler", "embree", "--listen", "none", "--listen-unix", folder / "precious"});
   EXPECT_GT(result.exit_code, 0);
   EXPECT_EQ(read_text(folder / "precious"), "data");
 }

@@ -1,5 +1,5 @@
-// Random scene deltas to a service that has more work than time: delta_storm COUNT [SEED]. A plain model (tests/support/plain_mirror.h)
-// receives the same deltas. Exits with 0 when
+// Random scene deltas to a service that has more work than time: delta_storm COUNT [SEED]. A plain model
+// (tests/support/plain_mirror.h) receives the same deltas. Exits with 0 when
 //   - every reply has the revision and the hash of the model after the tick that it answers,
 //   - exactly the ticks are refused that the model refuses,
 //   - received = answered + merged + refused, as the client counts and as the service counts.
@@ -45,7 +45,8 @@ class DeltaMaker {
     TransformUpdate moves;
     if (random_.next_below(16) == 0) delta.base_revision = model_.revision() + (random_.next_below(4) == 0);
     for (uint32_t left = random_.next_below(3); left > 0; --left) delta.remove.push_back(some_id(true));
-    for (uint32_t left = random_.next_below(3); left > 0; --left) delta.add.push_back(box(some_id(false), offset(), offset()));
+    for (uint32_t left = random_.next_below(3); left > 0; --left)
+      delta.add.push_back(box(some_id(false), offset(), offset()));
     for (uint32_t left = random_.next_below(2); left > 0; --left)
       delta.change.push_back({some_id(true), {.layers = random_.next_u32(), .opacity = opacity()}});
     for (uint32_t left = random_.next_below(3); left > 0; --left) {
@@ -137,7 +138,8 @@ void complain(Counts& counts, uint64_t sequence, const char* what) {
 void take(const v1::ControlResponse& reply, const std::vector<Expected>& expected, Counts& counts) {
   if (reply.has_tick_error()) {
     ++counts.refused;
-    if (!expected[reply.tick_error().sequence()].refused) complain(counts, reply.tick_error().sequence(), "refused, but the model takes it");
+    if (!expected[reply.tick_error().sequence()].refused)
+      complain(counts, reply.tick_error().sequence(), "refused, but the model takes it");
   } else if (reply.has_camera()) {
     const v1::CameraReply& camera = reply.camera();
     const Expected& model = expected[camera.sequence()];
@@ -209,12 +211,16 @@ int storm(uint64_t count, uint64_t seed) {
   // The other session's ticks are answered one by one, so the sums hold for both together.
   const v1::GetServerStatsResponse after = world.stats();
   const uint64_t received = after.ticks() - before.ticks();
-  const uint64_t done = after.steps() - before.steps() + after.merged_ticks() - before.merged_ticks() + after.refused_ticks() - before.refused_ticks();
-  std::printf("%llu deltas: %llu answered, %llu merged, %llu refused, %llu of the answers degraded; the service received %llu ticks in all and "
-              "answered, merged or refused %llu\n",
-              static_cast<unsigned long long>(count), static_cast<unsigned long long>(counts.answered),
-              static_cast<unsigned long long>(counts.merged), static_cast<unsigned long long>(counts.refused),
-              static_cast<unsigned long long>(counts.degraded), static_cast<unsigned long long>(received), static_cast<unsigned long long>(done));
+  const uint64_t done = after.steps() - before.steps() + after.merged_ticks() - before.merged_ticks() +
+                        after.refused_ticks() - before.refused_ticks();
+  std::printf(
+      "%llu deltas: %llu answered, %llu merged, %llu refused, %llu of the answers degraded; the service received %llu "
+      "ticks in all and "
+      "answered, merged or refused %llu\n",
+      static_cast<unsigned long long>(count), static_cast<unsigned long long>(counts.answered),
+      static_cast<unsigned long long>(counts.merged), static_cast<unsigned long long>(counts.refused),
+      static_cast<unsigned long long>(counts.degraded), static_cast<unsigned long long>(received),
+      static_cast<unsigned long long>(done));
   if (!status.ok()) std::printf("the session ended with %s\n", status.error_message().c_str());
   if (counts.merged == 0) std::puts("nothing was merged: there was no overload");
   const bool good = status.ok() && counts.wrong == 0 && counts.all() == count && received == done && counts.merged > 0;

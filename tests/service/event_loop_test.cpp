@@ -1,5 +1,5 @@
-// The event loop: what it runs itself, what it hands over, and how it ends. Its events are alarms; no call is made. The loop's clock is the
-// test's, so that it does not matter how busy the machine is.
+// The event loop: what it runs itself, what it hands over, and how it ends. Its events are alarms; no call is made. The
+// loop's clock is the test's, so that it does not matter how busy the machine is.
 #include "server/rpc/event_loop.h"
 
 #include <grpcpp/alarm.h>
@@ -185,7 +185,9 @@ std::optional<size_t> done_before_the_second(EventLoop& loop, bool after_a_rest)
   both_ready.set_value();
   second.wait();
   // The loop runs deferred tasks before it rests, and so before this event.
-  Once(loop, [] {}, milliseconds(20)).wait();
+  Once(
+      loop, [] {}, milliseconds(20))
+      .wait();
   EXPECT_EQ(noted.on_loop.size() + noted.handed_over.size(), 1u);
   return done_before;
 }
@@ -205,8 +207,8 @@ TEST_F(EventLoopTest, RunsTheFirstTaskAfterALongRestAtOnce) {
   EXPECT_TRUE(worked);
 }
 
-// The first of three events that are ready defers two tasks. Returns how many of them are done when the third event is handled; nothing
-// when the events came in another order.
+// The first of three events that are ready defers two tasks. Returns how many of them are done when the third event is
+// handled; nothing when the events came in another order.
 std::optional<size_t> done_before_the_third(EventLoop& loop) {
   Noted noted;
   std::promise<void> all_ready;
@@ -219,7 +221,8 @@ std::optional<size_t> done_before_the_third(EventLoop& loop) {
     events = 1;
   };
   Once first(loop, ask, milliseconds(5));
-  Once second(loop, [&] { events = events == 1 ? 2 : 0; }, milliseconds(10));
+  Once second(
+      loop, [&] { events = events == 1 ? 2 : 0; }, milliseconds(10));
   const auto look = [&] {
     if (events == 2) done_before = noted.on_loop.size() + noted.handed_over.size();
   };
@@ -228,7 +231,9 @@ std::optional<size_t> done_before_the_third(EventLoop& loop) {
   all_ready.set_value();
   second.wait();
   third.wait();
-  Once(loop, [] {}, milliseconds(20)).wait();
+  Once(
+      loop, [] {}, milliseconds(20))
+      .wait();
   EXPECT_EQ(noted.on_loop.size() + noted.handed_over.size(), 2u);
   return done_before;
 }
@@ -269,12 +274,14 @@ TEST_F(EventLoopTest, SaysForHowLongItHasNotAnswered) {
   released.set_value();
   holds.wait();
   bool answers = false;
-  for (int i = 0; i < 10'000 && !answers; ++i, std::this_thread::sleep_for(milliseconds(1))) answers = loop().silence().lasted == Duration::zero();
+  for (int i = 0; i < 10'000 && !answers; ++i, std::this_thread::sleep_for(milliseconds(1)))
+    answers = loop().silence().lasted == Duration::zero();
   EXPECT_TRUE(answers) << "and is asked anew";
 }
 
 // What the thread does until it is let go tells a busy loop from one that hangs.
-EventLoop::Silence silence_of_a_loop_that(EventLoop& loop, const std::function<void(const std::atomic<bool>& let_go)>& does) {
+EventLoop::Silence silence_of_a_loop_that(EventLoop& loop,
+                                          const std::function<void(const std::atomic<bool>& let_go)>& does) {
   std::promise<void> held;
   std::atomic<bool> let_go{false};
   Once holds(loop, [&] {
@@ -305,7 +312,8 @@ TEST_F(EventLoopTest, EndsOnlyAfterTheLastCall) {
   EventLoop& ending = loop();
   ending.call_begins();
   std::atomic<bool> ended{false};
-  Once event(ending, [] {}, milliseconds(50));
+  Once event(
+      ending, [] {}, milliseconds(50));
   std::thread call([&] {
     event.wait();  // events are delivered until the end
     std::this_thread::sleep_for(milliseconds(50));

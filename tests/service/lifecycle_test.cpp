@@ -74,7 +74,9 @@ class Reflection : public testing::TestWithParam<const char*> {
  protected:
   // The bytes of a ServerReflectionResponse. `request` holds a ServerReflectionRequest's bytes.
   std::string ask(const std::string& request) const {
-    const RawReply reply = call_raw(world.channel(), std::string("/grpc.reflection.") + GetParam() + ".ServerReflection/ServerReflectionInfo", request);
+    const RawReply reply = call_raw(
+        world.channel(), std::string("/grpc.reflection.") + GetParam() + ".ServerReflection/ServerReflectionInfo",
+        request);
     EXPECT_TRUE(reply.status.ok()) << reply.status.error_message();
     return reply.bytes;
   }
@@ -84,11 +86,13 @@ class Reflection : public testing::TestWithParam<const char*> {
   }
   const ServiceWorld world;
 };
-INSTANTIATE_TEST_SUITE_P(Lifecycle, Reflection, testing::Values("v1", "v1alpha"), [](const auto& test) { return test.param; });
+INSTANTIATE_TEST_SUITE_P(Lifecycle, Reflection, testing::Values("v1", "v1alpha"),
+                         [](const auto& test) { return test.param; });
 
 TEST_P(Reflection, ListsTheServices) {
   const std::string listed = ask(std::string("\x3a\x01*", 3));  // field 7 (list_services), a string
-  for (const char* service : {kService, "grpc.health.v1.Health", "grpc.reflection.v1.ServerReflection", "grpc.reflection.v1alpha.ServerReflection"})
+  for (const char* service : {kService, "grpc.health.v1.Health", "grpc.reflection.v1.ServerReflection",
+                              "grpc.reflection.v1alpha.ServerReflection"})
     EXPECT_NE(listed.find(service), std::string::npos) << service;
 }
 
@@ -173,8 +177,8 @@ TEST(Lifecycle, AStopCancelsWhatDoesNotEnd) {
 
 // A peer that speaks HTTP/2 well enough to be a client and then answers nothing, not even pings.
 TEST(Lifecycle, APeerThatFallsSilentIsDisconnected) {
-  const ServiceWorld world({.keepalive_time = std::chrono::milliseconds(200),
-                            .keepalive_timeout = std::chrono::milliseconds(200)});
+  const ServiceWorld world(
+      {.keepalive_time = std::chrono::milliseconds(200), .keepalive_timeout = std::chrono::milliseconds(200)});
   const int fd = ::socket(AF_INET, SOCK_STREAM, 0);
   sockaddr_in address{};
   address.sin_family = AF_INET;

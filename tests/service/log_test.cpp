@@ -46,8 +46,17 @@ TEST(Log, QuotesTextValuesThatWouldReadAsSeveral) {
 
 TEST(Log, TextHoldsNoControlCharactersBeyondAscii) {
   const Lines lines(LogFormat::kText);
-  lines.log.info("x", {{"csi", "\xC2\x9B" "31m"}, {"turned", "a\xE2\x80\xAE" "b"}, {"broken", "\x9B" "c"}});
-  EXPECT_TRUE(lines.text.str().ends_with("x csi=\"\\u009b31m\" turned=\"a\\u202eb\" broken=\"\\ufffdc\"\n")) << lines.text.str();
+  lines.log.info("x", {{"csi",
+                        "\xC2\x9B"
+                        "31m"},
+                       {"turned",
+                        "a\xE2\x80\xAE"
+                        "b"},
+                       {"broken",
+                        "\x9B"
+                        "c"}});
+  EXPECT_TRUE(lines.text.str().ends_with("x csi=\"\\u009b31m\" turned=\"a\\u202eb\" broken=\"\\ufffdc\"\n"))
+      << lines.text.str();
 }
 
 // A code point as UTF-8, by the definition of RFC 3629.
@@ -73,7 +82,8 @@ TEST(Log, BothFormatsHoldEveryCodePointInPrintableAscii) {
     ASSERT_EQ(json.json()["label"], label) << first;
     // The value, with its quotes, is the same.
     const size_t in_json = line.find("\"label\":") + 8, in_text = plain.find("label=") + 6;
-    ASSERT_EQ(line.substr(in_json, line.size() - in_json - 2), plain.substr(in_text, plain.size() - in_text - 1)) << first;
+    ASSERT_EQ(line.substr(in_json, line.size() - in_json - 2), plain.substr(in_text, plain.size() - in_text - 1))
+        << first;
   }
 }
 
@@ -85,7 +95,8 @@ TEST(Log, BothFormatsReplaceWhatIsNotUtf8Alike) {
     const std::string line = json.text.str(), plain = text.text.str();
     EXPECT_NE(line.find("\\ufffd"), std::string::npos) << line;
     EXPECT_TRUE(std::all_of(line.begin(), line.end() - 1, [](char c) { return c >= ' ' && c <= '~'; }));
-    EXPECT_EQ(line.substr(line.find("\"label\":") + 8), plain.substr(plain.find("label=") + 6, plain.size() - plain.find("label=") - 7) + "}\n");
+    EXPECT_EQ(line.substr(line.find("\"label\":") + 8),
+              plain.substr(plain.find("label=") + 6, plain.size() - plain.find("label=") - 7) + "}\n");
   }
 }
 

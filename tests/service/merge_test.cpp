@@ -102,8 +102,8 @@ TEST(Merge, ARefusedTickInABurstIsNamedAndTheOthersAreApplied) {
   EXPECT_EQ(merged->camera().merged_ticks(), 6u);  // 2 3 4 6 7 8
 }
 
-// Each tick of the burst changes another setting; one tick is refused, and two change the same setting. One step later all
-// settings are in force, as if each tick had been answered by itself.
+// Each tick of the burst changes another setting; one tick is refused, and two change the same setting. One step later
+// all settings are in force, as if each tick had been answered by itself.
 TEST(Merge, SettingsOfABurstAreAllAppliedInOrder) {
   constexpr uint64_t kTicks = 8;
   const auto tick_with_settings = [](uint64_t sequence) {

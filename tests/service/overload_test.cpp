@@ -59,7 +59,8 @@ class Game {
     while (const auto reply = stream_.read()) {
       const v1::CameraReply& camera = reply->camera();
       if (camera.flags().degraded() != camera.has_degradation()) flags_agree_ = false;
-      if (camera.has_degradation() && (camera.degradation().quality_level() == 0 || camera.degradation().sample_points() > 8))
+      if (camera.has_degradation() &&
+          (camera.degradation().quality_level() == 0 || camera.degradation().sample_points() > 8))
         flags_agree_ = false;
       degraded_ += camera.flags().degraded();
       newest_ = camera.sequence();
@@ -145,7 +146,8 @@ TEST(OverloadedService, ReturnsToFullQualityOnceThereIsTime) {
   ServiceWorld world(overloaded_world());
   world.device.make_maps_cost(std::chrono::microseconds(400));
   v1::OpenSession open = heavy_open();
-  open.mutable_tuning()->mutable_aggregate()->set_candidates(50);  // what takes time are the maps, also under sanitizers
+  // what takes time are the maps, also under sanitizers
+  open.mutable_tuning()->mutable_aggregate()->set_candidates(50);
   Game game(world, open);
   ASSERT_TRUE(comes_true([&] { return game.degraded() > 20; }));
   world.device.make_maps_cost(std::chrono::microseconds(0));

@@ -7,8 +7,7 @@
 
 namespace sightline {
 
-RawReply call_raw(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,
-                  const std::string& bytes) {
+RawReply call_raw(const std::shared_ptr<grpc::Channel>& channel, const std::string& method, const std::string& bytes) {
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(20));
   const grpc::Slice slice(bytes);

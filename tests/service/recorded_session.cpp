@@ -11,9 +11,9 @@ namespace sightline::test {
 namespace {
 
 uint64_t now_ns() {
-  return static_cast<uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(
-                                   std::chrono::system_clock::now().time_since_epoch())
-                                   .count());
+  return static_cast<uint64_t>(
+      std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch())
+          .count());
 }
 
 template <typename Message>
@@ -113,8 +113,7 @@ FoundInFile read_all(const Recording& recording) {
     found.last_ns = std::max(found.last_ns, event.log_ns);
     if (event.topic == RecordTopic::kTick) found.ticks.push_back(std::get<v1::Tick>(event.message));
     if (event.topic == RecordTopic::kFault) found.faults.push_back(std::get<v1::Fault>(event.message));
-    if (event.topic == RecordTopic::kTickError)
-      found.rejections.push_back(std::get<v1::TickError>(event.message));
+    if (event.topic == RecordTopic::kTickError) found.rejections.push_back(std::get<v1::TickError>(event.message));
     if (!steps.add(event)) return true;
     RecordedStep step = steps.take();
     found.missing += step.missing;

@@ -22,8 +22,8 @@ class Heard {
   void send(const v1::Tick& tick);
   // Reads until the reply to this tick has come; rejections on the way are kept. False when the call has ended.
   bool read_until(uint64_t sequence);
-  // Breaks the stream and goes on with the session in another one, as clients do: ticks that were not applied are sent again. Their answers
-  // are for read_until. False when the server does not have the session any more.
+  // Breaks the stream and goes on with the session in another one, as clients do: ticks that were not applied are sent
+  // again. Their answers are for read_until. False when the server does not have the session any more.
   bool break_and_resume();
   bool ask(const v1::Tick& tick) {
     send(tick);

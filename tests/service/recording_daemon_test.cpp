@@ -95,8 +95,7 @@ TEST_F(RecordingDaemon, WhoIsRecordedIsSaidByTheClientAndElseByTheFlags) {
     v1::RecordingRequest::Mode mode;
     bool recorded;
   };
-  const std::vector<std::string> all{"--record-dir", folder_},
-      asked{"--record-dir", folder_, "--record", "asked"};
+  const std::vector<std::string> all{"--record-dir", folder_}, asked{"--record-dir", folder_, "--record", "asked"};
   for (const Case& c :
        {Case{all, v1::RecordingRequest::MODE_UNSPECIFIED, true}, Case{all, v1::RecordingRequest::MODE_ON, true},
         Case{all, v1::RecordingRequest::MODE_OFF, false}, Case{asked, v1::RecordingRequest::MODE_UNSPECIFIED, false},
@@ -107,9 +106,9 @@ TEST_F(RecordingDaemon, WhoIsRecordedIsSaidByTheClientAndElseByTheFlags) {
     test::stop(host.daemon);
     EXPECT_EQ(!heard.opened.recording_file().empty(), c.recorded);
     EXPECT_EQ(heard.opened.warnings_size(), 0);
-    EXPECT_EQ(std::filesystem::exists(folder_ + "/" + heard.opened.recording_file()) &&
-                  !std::filesystem::is_empty(folder_),
-              c.recorded);
+    EXPECT_EQ(
+        std::filesystem::exists(folder_ + "/" + heard.opened.recording_file()) && !std::filesystem::is_empty(folder_),
+        c.recorded);
   }
 }
 
@@ -304,9 +303,7 @@ TEST_P(RecordedReplay, EveryStepOfAnOverloadedSessionAgain) {
 INSTANTIATE_TEST_SUITE_P(At, RecordedReplay,
                          testing::Values(Where{"embree", "1"}, Where{"embree", "2"}, Where{"egl", "1"},
                                          Where{"egl", "2"}),
-                         [](const auto& param) {
-                           return std::string(param.param.sampler) + param.param.threads;
-                         });
+                         [](const auto& param) { return std::string(param.param.sampler) + param.param.threads; });
 
 }  // namespace
 }  // namespace sightline

@@ -33,7 +33,8 @@ TEST(RecordingAcrossStreams, ASessionOfSeveralStreamsIsOneRecordingThatReplays) 
   open.set_resumable(true);
   Heard heard(daemon.addresses().front(), open);
   uint64_t sequence = 0;
-  // Only the answers of the newest step are sent again. The answers of earlier steps may be lost with the stream that breaks.
+  // Only the answers of the newest step are sent again. The answers of earlier steps may be lost with the stream that
+  // breaks.
   std::set<uint64_t> unheard;
   for (const int unanswered : {0, 1, 3}) {
     for (int i = 0; i < 15; ++i) ASSERT_TRUE(heard.ask(box_tick(++sequence)));

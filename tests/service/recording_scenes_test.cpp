@@ -131,8 +131,8 @@ TEST_F(RecordedScenes, ASessionIsSteppedAgainFromItsRecordingAlone) {
       names.push_back(file.name);
       if (file.name.starts_with("scene/")) write(elsewhere_ / file.name.substr(6), file.bytes);
     }
-    EXPECT_THAT(names, UnorderedElementsAre("scene/room.glb", "scene/props/screen.gltf",
-                                            "scene/props/data/screen.bin", "scene/late.glb", attached));
+    EXPECT_THAT(names, UnorderedElementsAre("scene/room.glb", "scene/props/screen.gltf", "scene/props/data/screen.bin",
+                                            "scene/late.glb", attached));
     LocalWorld world(elsewhere_, *sampler);
     for (const RecordedFile& file : *files) {
       if (file.name != attached) continue;

@@ -52,19 +52,20 @@ class RecordingTrouble : public testing::Test {
     const size_t end = heard_->sent.size() + ticks;
     play_until([&] { return heard_->sent.size() == end; });
   }
-  v1::RecordingStats counts() const {
-    return server_stats(connect(daemon_->addresses().front())).recording();
-  }
+  v1::RecordingStats counts() const { return server_stats(connect(daemon_->addresses().front())).recording(); }
   size_t logged(const std::string& message) const {
     return count(daemon_->errors(), message + " session=" + heard_->opened.session_id());
   }
-  // That the file cannot be written. A queue that runs over meanwhile, as in a test that is faster than a game, has a message of its own.
+  // That the file cannot be written. A queue that runs over meanwhile, as in a test that is faster than a game, has a
+  // message of its own.
   size_t logged_failure() const {
-    return count(daemon_->errors(), "warning recording degraded session=" + heard_->opened.session_id() + " reason=\"the recording cannot be written");
+    return count(daemon_->errors(), "warning recording degraded session=" + heard_->opened.session_id() +
+                                        " reason=\"the recording cannot be written");
   }
   // That the file is written again. A queue that ran over meanwhile has a message of its own.
   size_t logged_recovery() const {
-    return count(daemon_->errors(), "recording recovered session=" + heard_->opened.session_id() + " reason=\"it is written again\"");
+    return count(daemon_->errors(),
+                 "recording recovered session=" + heard_->opened.session_id() + " reason=\"it is written again\"");
   }
   // The same ticks at a daemon that does not record.
   uint64_t hash_without_recording() const {

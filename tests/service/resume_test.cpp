@@ -52,7 +52,8 @@ std::string without_times(v1::CameraReply reply) {
 // False when it did not come true in time.
 template <typename Condition>
 bool becomes(const Condition& condition, std::chrono::seconds patience = 20s) {
-  for (const auto end = std::chrono::steady_clock::now() + patience; std::chrono::steady_clock::now() < end; std::this_thread::sleep_for(2ms))
+  for (const auto end = std::chrono::steady_clock::now() + patience; std::chrono::steady_clock::now() < end;
+       std::this_thread::sleep_for(2ms))
     if (condition()) return true;
   return false;
 }
@@ -125,8 +126,8 @@ TEST(Resume, AnAnswerThatItsClientLacksIsSentAgain) {
   EXPECT_EQ(ask(third, 4).sequence(), 4u);
 }
 
-// How a stream ends whose session another one has taken. It is cancelled where gRPC has not reported yet that the last reply was written,
-// since a write to a client that is gone would not end.
+// How a stream ends whose session another one has taken. It is cancelled where gRPC has not reported yet that the last
+// reply was written, since a write to a client that is gone would not end.
 bool gave_up(const grpc::Status& status) {
   return status.error_code() == grpc::StatusCode::ABORTED || status.error_code() == grpc::StatusCode::CANCELLED;
 }
@@ -168,7 +169,8 @@ TEST(Resume, AStreamThatTakesNoMoreBytesGivesTheSessionUp) {
   v1::OpenSession open = resumable();
   open.mutable_diagnostics()->set_candidates(true);
   const v1::SessionOpened opened = first.open(open);
-  // Nobody reads the replies. With their candidates they fill the window of the stream, which is 64 KiB; then the server waits.
+  // Nobody reads the replies. With their candidates they fill the window of the stream, which is 64 KiB; then the
+  // server waits.
   const auto steps_done = [&](uint64_t sent) { return world.stats().steps() >= sent; };
   uint64_t sent = 0;
   do {
@@ -206,7 +208,8 @@ TEST(Resume, AStolenTokenIsOfNoUseToAnotherClient) {
   ServiceWorld world(options);
   const std::string unix_address = "unix:" + options.unix_path;
   uint64_t refused = 0;
-  for (const auto& [owner, thief] : {std::pair(world.address(), unix_address), std::pair(unix_address, world.address())}) {
+  for (const auto& [owner, thief] :
+       {std::pair(world.address(), unix_address), std::pair(unix_address, world.address())}) {
     Stream first(connect(owner)), second(connect(owner));
     const v1::SessionOpened opened = first.open(resumable());
     ask(first, 1);

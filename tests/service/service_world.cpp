@@ -18,10 +18,8 @@ namespace sightline {
 
 class GatedSampler final : public Sampler {
  public:
-  GatedSampler(GatedDevice& device, std::unique_ptr<Sampler> inner)
-      : device_(device), inner_(std::move(inner)) {}
-  Status take(const SceneMirror& mirror, std::span<const MapRequest> requests,
-              std::vector<DepthMap>& maps) override {
+  GatedSampler(GatedDevice& device, std::unique_ptr<Sampler> inner) : device_(device), inner_(std::move(inner)) {}
+  Status take(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) override {
     if (const Status passed = device_.pass(); !passed) return passed;
     std::this_thread::sleep_for(std::chrono::microseconds(device_.map_cost_us_) * requests.size());
     return inner_->take(mirror, requests, maps);
@@ -100,10 +98,9 @@ ServiceWorld::ServiceWorld(const WorldOptions& options)
       streams(options.max_sessions),
       steppers_(options.threads, device, [this] { return real_or(clock_calls_); }),
       shares_(options.threads * options.budget.largest_share),
-      service_(
-          ServiceParts{scenes_, geometry_, extents_, device, steppers_, loaders, uploaders, streams, shares_, stats_,
-                       log_, [this] { return real_or(++clock_calls_); }, "test", "", options.budget},
-          limits_of(options)) {
+      service_(ServiceParts{scenes_, geometry_, extents_, device, steppers_, loaders, uploaders, streams, shares_,
+                            stats_, log_, [this] { return real_or(++clock_calls_); }, "test", "", options.budget},
+               limits_of(options)) {
   ListenOptions listen;
   listen.tcp = "127.0.0.1:0";
   listen.unix_path = options.unix_path;
@@ -170,11 +167,13 @@ HeldLoaders::HeldLoaders(WorkerPool& loaders) {
   const std::shared_future<void> released(let_go_.get_future());
   const auto free = std::make_shared<std::latch>(loaders.threads());
   for (unsigned i = 0; i < loaders.threads(); ++i)
-    loaders.post([released, free] {
-      free->count_down();
-      released.wait();
-    }, "holder " + std::to_string(i));  // one client has all but one of them
-  free->wait();  // the pool is fair: another caller's task would go before the second of these
+    loaders.post(
+        [released, free] {
+          free->count_down();
+          released.wait();
+        },
+        "holder " + std::to_string(i));  // one client has all but one of them
+  free->wait();                          // the pool is fair: another caller's task would go before the second of these
 }
 
 // --- one call
@@ -277,8 +276,7 @@ std::vector<std::string> fields_of(const grpc::Status& status) {
   const google::rpc::Status details = details_of(status);
   for (const auto& any : details.details()) {
     google::rpc::BadRequest bad;
-    if (any.type_url() != "type.googleapis.com/google.rpc.BadRequest" || !bad.ParseFromString(any.value()))
-      continue;
+    if (any.type_url() != "type.googleapis.com/google.rpc.BadRequest" || !bad.ParseFromString(any.value())) continue;
     for (const auto& violation : bad.field_violations()) fields.push_back(violation.field());
   }
   return fields;
@@ -288,8 +286,7 @@ int64_t retry_seconds_of(const grpc::Status& status) {
   const google::rpc::Status details = details_of(status);
   for (const auto& any : details.details()) {
     google::rpc::RetryInfo retry;
-    if (any.type_url() != "type.googleapis.com/google.rpc.RetryInfo" || !retry.ParseFromString(any.value()))
-      continue;
+    if (any.type_url() != "type.googleapis.com/google.rpc.RetryInfo" || !retry.ParseFromString(any.value())) continue;
     return retry.retry_delay().seconds();
   }
   return 0;

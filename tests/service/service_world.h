@@ -16,9 +16,9 @@
 #include <thread>
 #include <vector>
 
+#include "server/sample/embree_sampler.h"
 #include "server/service/listener.h"
 #include "server/service/service.h"
-#include "server/sample/embree_sampler.h"
 #include "sightline/v1/camera_control.grpc.pb.h"
 
 namespace sightline {
@@ -120,7 +120,8 @@ class ServiceWorld {
   std::unique_ptr<Listener> listener;
 };
 
-// Blocks all loaders of a service, from the constructor's return until this object is destroyed. The loaders must not be held already.
+// Blocks all loaders of a service, from the constructor's return until this object is destroyed. The loaders must not
+// be held already.
 class HeldLoaders {
  public:
   explicit HeldLoaders(WorkerPool& loaders);

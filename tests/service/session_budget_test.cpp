@@ -99,7 +99,8 @@ TEST_F(InstanceShareTest, InstancesAndShapesCountTogether) {
 }
 
 TEST_F(InstanceShareTest, TheClientAndAllSessionsHaveLimitsOfTheirOwn) {
-  InstanceShare a(limits_, &memory_, "a", &counts_), other_of_a(limits_, &memory_, "a", &counts_), b(limits_, &memory_, "b", &counts_);
+  InstanceShare a(limits_, &memory_, "a", &counts_), other_of_a(limits_, &memory_, "a", &counts_),
+      b(limits_, &memory_, "b", &counts_);
   EXPECT_EQ(hit_by(a, 0, 4 * kMib), std::nullopt);
   EXPECT_EQ(hit_by(other_of_a, 0, 3 * kMib), Limit::kClientMemory);
   EXPECT_EQ(hit_by(other_of_a, 0, 2 * kMib), std::nullopt);
@@ -130,8 +131,10 @@ TEST(StepCost, GrowsWithTargetsAndSettingsAndIsRefusedAboveTheLimitOnly) {
   EXPECT_EQ(limit_of(refused.error()), Limit::kMaxStepCost);
   targets[2].part_ids = {1, 2, 3}, targets[3].part_ids = {4, 5};
   EXPECT_GT(step_cost_ms(settings, 4, 5), 4 * one_ms);
-  EXPECT_FALSE(check_step_cost(settings, targets, {.max_step_cost_ms = 0.999 * step_cost_ms(settings, 4, 5)}, "open.settings"));
-  EXPECT_TRUE(check_step_cost(settings, targets, {.max_step_cost_ms = 1.001 * step_cost_ms(settings, 4, 5)}, "open.settings"));
+  EXPECT_FALSE(
+      check_step_cost(settings, targets, {.max_step_cost_ms = 0.999 * step_cost_ms(settings, 4, 5)}, "open.settings"));
+  EXPECT_TRUE(
+      check_step_cost(settings, targets, {.max_step_cost_ms = 1.001 * step_cost_ms(settings, 4, 5)}, "open.settings"));
 }
 
 }  // namespace

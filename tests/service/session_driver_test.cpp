@@ -47,15 +47,20 @@ class SessionDriverTest : public testing::Test {
   Log log{LogFormat::kText, LogLevel::kOff};
   static inline int64_t used_ns = 0, a_look_ns = 0;  // of the processor, by the clock of loads
   static WorkLimit::Rules load_rules() {
-    return {.clock = [] { return used_ns += a_look_ns; }, .most_ns = 1'000'000'000, .refusal = "takes too long (--max-load-s)"};
+    return {.clock = [] { return used_ns += a_look_ns; },
+            .most_ns = 1'000'000'000,
+            .refusal = "takes too long (--max-load-s)"};
   }
   ServiceParts parts_with_load() {
-    ServiceParts all{scenes, geometry, extents, device, scheduler, loaders, uploaders, streams, shares, stats, log, [] { return int64_t{0}; }, "test"};
+    ServiceParts all{scenes,    geometry, extents, device, scheduler, loaders,
+                     uploaders, streams,  shares,  stats,  log,       [] { return int64_t{0}; },
+                     "test"};
     all.load = load_rules();
     return all;
   }
-  const ServiceParts parts{scenes, geometry, extents, device, scheduler, loaders, uploaders, streams, shares, stats, log,
-                           [] { return int64_t{0}; }, "test"};
+  const ServiceParts parts{scenes,    geometry, extents, device, scheduler, loaders,
+                           uploaders, streams,  shares,  stats,  log,       [] { return int64_t{0}; },
+                           "test"};
   SessionDriver driver{parts, "test-1"};
   SessionDriver::Turn turn;
 };

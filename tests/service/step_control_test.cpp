@@ -188,7 +188,8 @@ TEST(StepControl, ASessionThatChoosesItsLevelsIsNotDegradedByItsBudget) {
   BudgetRules budget;
   budget.fixed_ns = 1;
   using std::chrono::steady_clock;
-  // Ticks until `enough`, which is asked after every reply, or until a reply is degraded. Returns the number of ticks, and whether one was.
+  // Ticks until `enough`, which is asked after every reply, or until a reply is degraded. Returns the number of ticks,
+  // and whether one was.
   const auto step_until = [&](bool tells, const auto& enough) {
     const ServiceWorld world({.real_time = true, .budget = budget});
     Stream stream(world.channel());
@@ -202,13 +203,17 @@ TEST(StepControl, ASessionThatChoosesItsLevelsIsNotDegradedByItsBudget) {
     }
     return std::pair(ticks, degraded);
   };
-  // How soon the budget raises a level depends on the machine, so the other session is given twice the time and the steps that this one took.
+  // How soon the budget raises a level depends on the machine, so the other session is given twice the time and the
+  // steps that this one took.
   const auto start = steady_clock::now();
-  const auto [ticks, degraded] = step_until(false, [&](uint64_t) { return steady_clock::now() - start > std::chrono::seconds(60); });
+  const auto [ticks, degraded] = step_until(
+      false, [&](uint64_t) { return steady_clock::now() - start > std::chrono::seconds(60); });
   ASSERT_TRUE(degraded) << "or the test shows nothing";
   const auto took = steady_clock::now() - start;
   const auto second_start = steady_clock::now();
-  const auto enough = [&, most = 2 * ticks](uint64_t so_far) { return so_far >= most && steady_clock::now() - second_start > 2 * took; };
+  const auto enough = [&, most = 2 * ticks](uint64_t so_far) {
+    return so_far >= most && steady_clock::now() - second_start > 2 * took;
+  };
   EXPECT_FALSE(step_until(true, enough).second);
 }
 

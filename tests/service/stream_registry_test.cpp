@@ -32,8 +32,9 @@ struct PlainRegistry {
   std::vector<Listed> all = {};
 
   size_t count(const std::string& client, bool waiting) const {
-    return static_cast<size_t>(
-        std::count_if(all.begin(), all.end(), [&](const Listed& each) { return (client.empty() || each.client == client) && each.waiting == waiting; }));
+    return static_cast<size_t>(std::count_if(all.begin(), all.end(), [&](const Listed& each) {
+      return (client.empty() || each.client == client) && each.waiting == waiting;
+    }));
   }
   Admission add(const std::shared_ptr<NotedStream>& stream, const std::string& client) {
     if (count("", false) >= most) return Admission::kFull;
@@ -86,7 +87,8 @@ TEST(StreamRegistryTest, CountsPlacesAsAPlainListDoes) {
         break;
       default:
         ASSERT_FALSE(registry.move_place(fresh.get(), fresh)) << "it has none";
-        const auto waiting = std::find_if(plain.all.begin(), plain.all.end(), [](const Listed& each) { return each.waiting; });
+        const auto waiting = std::find_if(plain.all.begin(), plain.all.end(),
+                                          [](const Listed& each) { return each.waiting; });
         if (waiting == plain.all.end() || plain.all[some].waiting || plain.all[some].client != waiting->client) break;
         const auto to = waiting->stream;
         ASSERT_TRUE(registry.move_place(plain.all[some].stream.get(), to));
@@ -100,7 +102,8 @@ TEST(StreamRegistryTest, CountsPlacesAsAPlainListDoes) {
 
 TEST(StreamRegistryTest, EndsThoseWhoMayNotStay) {
   StreamRegistry registry(10);
-  const auto a = std::make_shared<NotedStream>(), b = std::make_shared<NotedStream>(), waits = std::make_shared<NotedStream>();
+  const auto a = std::make_shared<NotedStream>(), b = std::make_shared<NotedStream>(),
+             waits = std::make_shared<NotedStream>();
   registry.add(a, "a"), registry.add(b, "b"), registry.add_waiting(waits, "b");
   registry.add(std::make_shared<NotedStream>(), "b");  // it is gone
   const auto is_a = [](const std::string& client) { return client == "a"; };

@@ -104,7 +104,8 @@ TEST(Timers, SayForHowLongAnActionHasHeldThemUp) {
   let_go.set_value();
   wait_until_idle(timers);
   bool on_time = false;
-  for (int i = 0; i < 10'000 && !on_time; ++i, std::this_thread::sleep_for(milliseconds(1))) on_time = timers.late() == Timers::Duration::zero();
+  for (int i = 0; i < 10'000 && !on_time; ++i, std::this_thread::sleep_for(milliseconds(1)))
+    on_time = timers.late() == Timers::Duration::zero();
   EXPECT_TRUE(on_time);
 }
 

@@ -93,7 +93,8 @@ TEST(Trouble, AStepThatMakesNoFiniteNumbersEndsItsSessionOnly) {
   unlucky.send(move_tick(1, 1, 0.1));
   const grpc::Status status = unlucky.finish();
   EXPECT_EQ(status.error_code(), grpc::StatusCode::INTERNAL);
-  EXPECT_NE(status.error_message().find("the camera's pose is not a finite number"), std::string::npos) << status.error_message();
+  EXPECT_NE(status.error_message().find("the camera's pose is not a finite number"), std::string::npos)
+      << status.error_message();
   wait_until([&] { return world.closed_with(grpc::StatusCode::INTERNAL) == 1; });
   other.send(move_tick(1, 1, 0.1));
   const auto reply = other.read();

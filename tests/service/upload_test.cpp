@@ -25,8 +25,7 @@ std::vector<std::byte> triangle_file() {
 // One upload call.
 class Upload {
  public:
-  explicit Upload(const std::shared_ptr<grpc::Channel>& channel)
-      : stub_(v1::CameraControlService::NewStub(channel)) {
+  explicit Upload(const std::shared_ptr<grpc::Channel>& channel) : stub_(v1::CameraControlService::NewStub(channel)) {
     context_.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(30));
     call_ = stub_->UploadScene(&context_, &reply_);
   }
@@ -91,8 +90,7 @@ TEST(UploadScene, EveryTruncationIsRefusedAndTheServerLives) {
   const ServiceWorld world;
   const std::vector<std::byte> file = triangle_file();
   for (size_t length = 0; length < file.size(); length += 7) {
-    EXPECT_EQ(upload(world, std::span(file).first(length)).error_code(), grpc::StatusCode::INVALID_ARGUMENT)
-        << length;
+    EXPECT_EQ(upload(world, std::span(file).first(length)).error_code(), grpc::StatusCode::INVALID_ARGUMENT) << length;
   }
   EXPECT_TRUE(upload(world, file).ok());
   EXPECT_EQ(world.stats().geometry_count(), 1u);
@@ -129,7 +127,8 @@ TEST(UploadScene, AChunkOverTheLimitIsRefused) {
   EXPECT_EQ(upload(world, bytes, nullptr, bytes.size()).error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
 }
 
-// The server may take the second upload first and end it before it takes the first one. Then both succeed, and the test tries again.
+// The server may take the second upload first and end it before it takes the first one. Then both succeed, and the test
+// tries again.
 TEST(UploadScene, TooManyAtATimeAreToldToTryAgain) {
   const ServiceWorld world({.limits = {.max_uploads = 1}});
   grpc::Status refused;

@@ -21,12 +21,13 @@ TEST(Watchdog, NamesWhatIsSilentForLongerThanTheLimit) {
   std::mutex mutex;
   std::condition_variable changed;
   Names seen{"nothing yet"};
-  const Watchdog watchdog({{"loop", [&] { return Seconds(loop_s.load()); }}, {"step", [&] { return Seconds(step_s.load()); }}}, Seconds(10.0),
-                          Seconds(0.001), [&](const Names& hanging) {
-                            const std::lock_guard lock(mutex);
-                            seen = hanging;
-                            changed.notify_all();
-                          });
+  const Watchdog watchdog(
+      {{"loop", [&] { return Seconds(loop_s.load()); }}, {"step", [&] { return Seconds(step_s.load()); }}},
+      Seconds(10.0), Seconds(0.001), [&](const Names& hanging) {
+        const std::lock_guard lock(mutex);
+        seen = hanging;
+        changed.notify_all();
+      });
   const auto sees = [&](const Names& expected) {
     std::unique_lock lock(mutex);
     return changed.wait_for(lock, std::chrono::seconds(30), [&] { return seen == expected; });
@@ -73,7 +74,9 @@ class FirstStep : public testing::Test {
   Log log{LogFormat::kText, LogLevel::kOff};
 
   ServiceParts parts_with(SamplerDevice& sampler) {
-    return {scenes, geometry, extents, sampler, scheduler, loaders, uploaders, streams, shares, stats, log, [] { return int64_t{0}; }, "test"};
+    return {scenes,    geometry, extents, sampler, scheduler, loaders,
+            uploaders, streams,  shares,  stats,   log,       [] { return int64_t{0}; },
+            "test"};
   }
 };
 

@@ -18,7 +18,8 @@ TEST(WorkerPool, ClientsTakeTurnsAndTheTasksOfOneKeepTheirOrder) {
     WorkerPool pool(1);
     std::promise<void> go;
     pool.post([held = go.get_future().share()] { held.wait(); });
-    for (const char* name : {"many 1", "many 2", "many 3"}) pool.post([&done, name] { done.emplace_back(name); }, "many");
+    for (const char* name : {"many 1", "many 2", "many 3"})
+      pool.post([&done, name] { done.emplace_back(name); }, "many");
     for (const char* name : {"other 1", "other 2"}) pool.post([&done, name] { done.emplace_back(name); }, "other");
     go.set_value();
   }
@@ -33,11 +34,13 @@ TEST(WorkerPool, OneClientLeavesAThreadToTheOthers) {
   {
     WorkerPool pool(3, 5);
     for (int i = 0; i < 5; ++i)
-      pool.post([&, held] {
-        ++began;
-        held.wait();
-        ++ended;
-      }, "many");
+      pool.post(
+          [&, held] {
+            ++began;
+            held.wait();
+            ++ended;
+          },
+          "many");
     std::promise<void> other;
     pool.post([&] { other.set_value(); }, "other");
     other.get_future().wait();

@@ -61,8 +61,10 @@ TEST(AnswerCheck, SamplersRefuseViewsThatAreNotFinite) {
   const auto device = make_embree_sampler_device();
   const auto sampler = device->make_sampler();
   const double nan = std::nan(""), far = 1e19;
-  for (const auto spoil : {+[](MapRequest& r, double bad) { r.view.eye_m.x = bad; }, +[](MapRequest& r, double bad) { r.view.world_from_view[2].y = bad; },
-                           +[](MapRequest& r, double bad) { r.view.right = bad; }, +[](MapRequest& r, double bad) { r.view.jitter.x = bad; }})
+  for (const auto spoil : {+[](MapRequest&r, double bad) { r.view.eye_m.x = bad; },
+                           +[](MapRequest&r, double bad) { r.view.world_from_view[2].y = bad; },
+                           +[](MapRequest&r, double bad) { r.view.right = bad; },
+                           +[](MapRequest&r, double bad) { r.view.jitter.x = bad; }})
     for (const double bad : {nan, far}) {
       std::vector<MapRequest> requests(3);
       spoil(requests[1], bad);

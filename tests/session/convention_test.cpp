@@ -138,8 +138,8 @@ glm::dvec3 axis(int i) {
 
 // All presets, and every signed permutation with some choice of camera axes, scale and origin.
 std::vector<Convention> many_conventions() {
-  std::vector<Convention> all = {gltf_convention(), godot_convention(), unity_convention(),
-                                 unreal_convention(), ros_convention()};
+  std::vector<Convention> all = {gltf_convention(), godot_convention(), unity_convention(), unreal_convention(),
+                                 ros_convention()};
   int k = 0;
   for (int x = 0; x < 6; ++x)
     for (int y = 0; y < 6; ++y)
@@ -225,8 +225,7 @@ TEST(Convention, AScaledPointConvertsAsThePoint) {
   CounterRandom random(3, 0, RandomPurpose::kTest);
   for (const Convention& c : many_conventions()) {
     const glm::dvec3 local = random_vector(random), scale = glm::abs(random_vector(random));
-    expect_near(scale_from_client(c, scale) * vector_from_client(c, local),
-                vector_from_client(c, scale * local), 1e-9);
+    expect_near(scale_from_client(c, scale) * vector_from_client(c, local), vector_from_client(c, scale * local), 1e-9);
   }
 }
 
@@ -237,8 +236,7 @@ TEST(Convention, WhatIsAheadAboveAndRightStaysThere) {
     const glm::dvec3 forward = client.rotation * c.camera_forward, up = client.rotation * c.camera_up;
     const glm::dvec3 seen = 5.0 * forward + 2.0 * up + 3.0 * client_right(c, forward, up);
     const Pose camera = camera_from_client(c, client);
-    const glm::dvec3 in_camera =
-        inverse_transform_point(camera, position_from_client(c, client.position_m + seen));
+    const glm::dvec3 in_camera = inverse_transform_point(camera, position_from_client(c, client.position_m + seen));
     expect_near(in_camera, c.metres_per_unit * glm::dvec3(3, 2, -5), 1e-9);
   }
 }
@@ -259,10 +257,9 @@ TEST(Convention, TheRelativePoseComposesWithTheTargetsPose) {
   CounterRandom random(6, 0, RandomPurpose::kTest);
   for (const Convention& c : many_conventions()) {
     const Pose target = random_pose(random), camera = random_pose(random);  // canonical, from the world
-    const Pose relative = relative_camera_to_client(c, {inverse_transform_point(target, camera.position_m),
-                                                        glm::conjugate(target.rotation) * camera.rotation});
-    const Pose client_target{position_to_client(c, target.position_m),
-                             rotation_to_client(c, target.rotation)};
+    const Pose relative = relative_camera_to_client(
+        c, {inverse_transform_point(target, camera.position_m), glm::conjugate(target.rotation) * camera.rotation});
+    const Pose client_target{position_to_client(c, target.position_m), rotation_to_client(c, target.rotation)};
     const Pose client_camera = camera_to_client(c, camera);
     expect_near(transform_point(client_target, relative.position_m), client_camera.position_m, 1e-9);
     expect_same_rotation(client_target.rotation * relative.rotation, client_camera.rotation);

@@ -89,7 +89,8 @@ TEST(FailedStep, ItsTimeCountsOnce) {
   EXPECT_GT(failed, 50);
 }
 
-// Lens, settings, targets and the observed camera change from tick to tick, and back, whether the tick's step fails or not.
+// Lens, settings, targets and the observed camera change from tick to tick, and back, whether the tick's step fails or
+// not.
 TEST(FailedStep, LeavesNoTraceOfWhatChanged) {
   Stroll failing, waiting;
   CounterRandom random(18, 0, RandomPurpose::kTest);
@@ -101,7 +102,8 @@ TEST(FailedStep, LeavesNoTraceOfWhatChanged) {
     if (random.next_below(3) == 0) settings.move.search_viewpoints = false;
     if (random.next_below(3) == 0) settings.move.strategy = Strategy::kRobust;
     if (random.next_below(3) == 0) settings.bound.horizon_s = settings.bound.max_horizon_s = 1.0;
-    if (random.next_below(3) == 0) settings.framing.min_vertical_fov_rad = 0.3, settings.framing.max_vertical_fov_rad = 0.5;
+    if (random.next_below(3) == 0)
+      settings.framing.min_vertical_fov_rad = 0.3, settings.framing.max_vertical_fov_rad = 0.5;
     tick.settings = settings;
     if (random.next_below(4) == 0) tick.lens.emplace().vertical_fov_rad = random.next_in(0.5, 0.8);
     if (random.next_below(4) == 0) {

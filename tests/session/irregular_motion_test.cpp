@@ -1,5 +1,5 @@
-// Targets as games really send them: positions that are held for several ticks, late or noisy, without velocities. The camera should film as it does
-// with clean ones.
+// Targets as games really send them: positions that are held for several ticks, late or noisy, without velocities. The
+// camera should film as it does with clean ones.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -39,7 +39,8 @@ Filmed filmed(double speed_mps, const Sending& sending, uint64_t seed) {
     options.settings = preset_settings(Preset::kSightline);
     options.camera.position_m = {0, 2.6, 6};
     options.targets = {Game::target(kAnn)};
-    for (NewInstance& instance : options.instances) instance.pose.position_m = instance.id == kAnn ? glm::dvec3(0, 1, 0) : glm::dvec3(0, -500, 0);
+    for (NewInstance& instance : options.instances)
+      instance.pose.position_m = instance.id == kAnn ? glm::dvec3(0, 1, 0) : glm::dvec3(0, -500, 0);
   });
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal(0, 1);
@@ -52,7 +53,8 @@ Filmed filmed(double speed_mps, const Sending& sending, uint64_t seed) {
   for (int k = 0; k < static_cast<int>(kDurationS / kTick); ++k) {
     const double time_s = k * kTick;
     if (time_s + 1e-9 >= next_s) {
-      sent_m = place_at(next_s, speed_mps) + sending.noise_m * glm::dvec3(normal(random), normal(random), normal(random));
+      sent_m = place_at(next_s, speed_mps) +
+               sending.noise_m * glm::dvec3(normal(random), normal(random), normal(random));
       next_s += 1 / sending.rate_hz;
     }
     game.apply(game.tick(kTick).move(kAnn, sent_m));
@@ -62,7 +64,8 @@ Filmed filmed(double speed_mps, const Sending& sending, uint64_t seed) {
     const CameraState& camera = answer.step.camera;
     const glm::dvec3 in_view_m = inverse_transform_point(camera.pose, place_at(time_s, speed_mps));
     film.camera_m.resize(static_cast<size_t>(k) + 1, camera.pose.position_m);
-    film.picture.resize(static_cast<size_t>(k) + 1, glm::dvec2(in_view_m) / -in_view_m.z * (540 / std::tan(answer.lens.vertical_fov_rad / 2)));
+    film.picture.resize(static_cast<size_t>(k) + 1,
+                        glm::dvec2(in_view_m) / -in_view_m.z * (540 / std::tan(answer.lens.vertical_fov_rad / 2)));
     if (before && time_s > 4 && sending.late_share == 0)
       film.jerks_mps3.push_back(glm::distance(camera.acceleration_mps2, last.acceleration_mps2) / kTick);
     last = camera, before = &last;
@@ -125,7 +128,8 @@ TEST_P(IrregularMotion, HeldAndNoisyPositionsOfWhichSomeComeLateAreFilmedLikeCle
   EXPECT_LT(difference(clean_, other).mean_m, tolerated_m_);
 }
 
-// A client that names only what has changed: a runner whose positions are held for two ticks is named in every second one, until it stands.
+// A client that names only what has changed: a runner whose positions are held for two ticks is named in every second
+// one, until it stands.
 TEST(IrregularMotionOfOne, WhoIsNoLongerNamedHasStopped) {
   Game game;
   for (int k = 1; k <= 60; ++k) {

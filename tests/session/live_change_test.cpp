@@ -51,8 +51,8 @@ double wrapped(double rad) {
   return std::remainder(rad, 2 * std::numbers::pi);
 }
 
-// Checks the path by finite differences of the answers alone. `limits` may change: a camera that is beyond a new limit brakes
-// as hard as it may.
+// Checks the path by finite differences of the answers alone. `limits` may change: a camera that is beyond a new limit
+// brakes as hard as it may.
 class PathCheck {
  public:
   void follow(const SessionAnswer& answer, const CameraLimits& limits) {
@@ -164,8 +164,7 @@ ObservedCamera far_cut() {
 // One session has run under other settings before, the other has not. Then both have no targets for one step, which
 // clears all that is known of the targets. A cut takes both cameras to the same place. From then on they must give the
 // same answers.
-void expect_no_trace_of(const std::vector<StepSettings>& former, const StepSettings& last,
-                        const std::string& where) {
+void expect_no_trace_of(const std::vector<StepSettings>& former, const StepSettings& last, const std::string& where) {
   Walk changed(former.front()), always(last);
   for (size_t i = 1; i < former.size(); ++i) {
     for (int k = 0; k < 15; ++k) changed.play(), always.play();
@@ -361,8 +360,7 @@ TEST(LiveChange, LimitsThatChangeAtRandomAreKeptAtEveryStep) {
   for (int i = 0; i < 900; ++i) {
     std::optional<CameraLimits> change;
     if (i % 20 == 0)
-      change = {random.next_in(0.5, 15), random.next_in(2, 30), random.next_in(0.1, 4), random.next_in(1, 20),
-                0.3};
+      change = {random.next_in(0.5, 15), random.next_in(2, 30), random.next_in(0.1, 4), random.next_in(1, 20), 0.3};
     chase.run(8 * std::sin(0.02 * i), change);
   }
 }

@@ -41,8 +41,8 @@ Reply reply_of(const Game& game, const SessionAnswer& answer) {
   return reply;
 }
 
-// Plays on from the memory after `kBefore` ticks, and compares with the session that went on. Returns in how many ticks the filter, and so the
-// history, made a difference.
+// Plays on from the memory after `kBefore` ticks, and compares with the session that went on. Returns in how many ticks
+// the filter, and so the history, made a difference.
 int expect_same_after_resume(const Settings& change, const AskedShot& shot = {}) {
   const auto options = [&](SessionOptions& o) { change(o.settings), o.shot = shot; };
   Game first(options), second(options);
@@ -91,9 +91,9 @@ TEST(SessionMemory, KeepsAllThatTheDefaultRemembers) {
     });
 }
 
-// The second session gets what came and went in one tick, as a recording's snapshot tells it. The places of the instances, free ones
-// too, are then those of the first, so that both put what is added later at the same places.
-// In the middle of an orbit that begins with a blend, in a frame that turns with Ann.
+// The second session gets what came and went in one tick, as a recording's snapshot tells it. The places of the
+// instances, free ones too, are then those of the first, so that both put what is added later at the same places. In
+// the middle of an orbit that begins with a blend, in a frame that turns with Ann.
 TEST(SessionMemory, KeepsAShotThatMoves) {
   AskedShot shot;
   shot.number = 3;
@@ -129,7 +129,9 @@ TEST(SessionMemory, KeepsWhatIsKnownOfHeldAndNoisyPositions) {
 
 TEST(SessionMemory, KeepsThePlacesOfInstancesThatCameAndWent) {
   Game first, second;
-  const auto box = [](Game& game, uint64_t id, double x) { return game.make(id, BoxShape{{0.1f, 0.1f, 0.1f}}, {x, 0.2, -2}); };
+  const auto box = [](Game& game, uint64_t id, double x) {
+    return game.make(id, BoxShape{{0.1f, 0.1f, 0.1f}}, {x, 0.2, -2});
+  };
   for (int i = 1; i <= 12; ++i) {
     TickMaker tick = first.tick(kTickS);
     if (i == 3) tick.delta.remove = {kCrate};
@@ -182,12 +184,15 @@ TEST(SessionMemory, OfAnotherSceneIsRefused) {
   };
   EXPECT_EQ(refused([](Game&) {}), "");
   EXPECT_EQ(refused(with_delta([](Game&, SceneDelta& delta) { delta.remove = {kCrate}; })), "is of another scene");
-  EXPECT_EQ(refused(with_delta([](Game&, SceneDelta& delta) { delta.remove = {kAnn}; })), "is of a session with other targets");
-  EXPECT_EQ(refused(with_delta([](Game& game, SceneDelta& delta) { delta.add = {game.make(40, SphereShape{0.1f}, {})}; })), "is of another scene");
+  EXPECT_EQ(refused(with_delta([](Game&, SceneDelta& delta) { delta.remove = {kAnn}; })),
+            "is of a session with other targets");
+  EXPECT_EQ(
+      refused(with_delta([](Game& game, SceneDelta& delta) { delta.add = {game.make(40, SphereShape{0.1f}, {})}; })),
+      "is of another scene");
 }
 
-// The bytes hold the motion of each target: a ring of 32 steps for its travel and one for its turns. Both say, one behind the other, which
-// step is next and how many there are.
+// The bytes hold the motion of each target: a ring of 32 steps for its travel and one for its turns. Both say, one
+// behind the other, which step is next and how many there are.
 TEST(SessionMemory, StepsOutsideTheirRingAreRefused) {
   const auto options = [](SessionOptions& o) { o.settings = preset_settings(Preset::kSightline); };
   Game first(options), second(options);
@@ -212,11 +217,13 @@ TEST(SessionMemory, StepsOutsideTheirRingAreRefused) {
   EXPECT_EQ(rings, 4u) << "two for each target";
 }
 
-// Bytes of the memory changed one number at a time to one that no motion has: it is refused, or the next steps are sound. (A step that is not is an error of the kind kInternal.)
+// Bytes of the memory changed one number at a time to one that no motion has: it is refused, or the next steps are
+// sound. (A step that is not is an error of the kind kInternal.)
 TEST(SessionMemory, NumbersOfTracksThatNoMotionHasDoNoHarm) {
   const auto options = [](SessionOptions& o) { o.settings = preset_settings(Preset::kSightline); };
   Game first(options);
-  for (int i = 1; i <= 40; ++i) first.play(first.tick(kTickS).move(kAnn, {-1 + 0.05 * (i / 2), 1, 0}).move(kBob, {1 + 0.01 * (i % 3), 1, 0}));
+  for (int i = 1; i <= 40; ++i)
+    first.play(first.tick(kTickS).move(kAnn, {-1 + 0.05 * (i / 2), 1, 0}).move(kBob, {1 + 0.01 * (i % 3), 1, 0}));
   ASSERT_GT(glm::length(first.instance(kAnn).velocity_mps), 0.5) << "its positions are known to be held";
   std::string memory;
   first.session->write_memory(memory);
@@ -232,7 +239,8 @@ TEST(SessionMemory, NumbersOfTracksThatNoMotionHasDoNoHarm) {
         continue;
       }
       second.sequence = first.sequence, second.time_s = first.time_s;
-      const Status applied = second.session->apply(second.tick(kTickS).move(kAnn, {0.1, 1, 0}).move(kBob, {1.01, 1, 0}));
+      const Status applied = second.session->apply(
+          second.tick(kTickS).move(kAnn, {0.1, 1, 0}).move(kBob, {1.01, 1, 0}));
       if (applied) (void)second.session->step();
       for (const Instance& instance : second.session->mirror().instances()) {
         const bool sound = !instance.geometry || is_finite(instance.center_m);

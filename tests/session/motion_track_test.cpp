@@ -46,8 +46,8 @@ double normal(CounterRandom& random) {
 }
 
 struct Errors {
-  double position_m = 0, velocity_mps = 0;          // means over 11 s, the first second left out
-  double raw_velocity_mps = 0;  // of the change between successive ticks
+  double position_m = 0, velocity_mps = 0;  // means over 11 s, the first second left out
+  double raw_velocity_mps = 0;              // of the change between successive ticks
 };
 Errors errors_of(const Course& course, double rate_hz, double noise_m) {
   MotionTrack track;
@@ -107,7 +107,8 @@ TEST(MotionTrack, NoiseIsMeasuredAndSmoothed) {
     for (const double noise_m : {0.003, 0.01, 0.05, 0.15})
       for (const double speed_mps : {0.0, 1.5, 5.0}) {
         const Errors errors = errors_of(Course(speed_mps), rate_hz, noise_m);
-        EXPECT_LT(errors.velocity_mps, 0.12 + 0.12 * speed_mps + 3 * noise_m) << rate_hz << ' ' << noise_m << ' ' << speed_mps;
+        EXPECT_LT(errors.velocity_mps, 0.12 + 0.12 * speed_mps + 3 * noise_m)
+            << rate_hz << ' ' << noise_m << ' ' << speed_mps;
         EXPECT_LT(errors.velocity_mps, 0.3 * errors.raw_velocity_mps) << rate_hz << ' ' << noise_m << ' ' << speed_mps;
         EXPECT_LT(errors.position_m, 0.01 + 1.1 * noise_m) << rate_hz << ' ' << noise_m << ' ' << speed_mps;
       }
@@ -119,7 +120,8 @@ TEST(MotionTrack, TheNoiseThatItMeasuresIsTheNoiseThatIsThere) {
     CounterRandom random(9, 0, RandomPurpose::kTest);
     double sum_m = 0;
     for (int k = 0; k < 1200; ++k) {
-      const glm::dvec3 at_m(3 * k * kTick + noise_m * normal(random), noise_m * normal(random), noise_m * normal(random));
+      const glm::dvec3 at_m(3 * k * kTick + noise_m * normal(random), noise_m * normal(random),
+                            noise_m * normal(random));
       track.observe(kTick, at_m, kJumpMps);
       if (k >= 200) sum_m += track.noise_m() / 1000;
     }
@@ -127,7 +129,8 @@ TEST(MotionTrack, TheNoiseThatItMeasuresIsTheNoiseThatIsThere) {
   }
 }
 
-// A runner who is filmed at 20 Hz stops. It is known to stand one tick after the position that did not come, and then it rests exactly.
+// A runner who is filmed at 20 Hz stops. It is known to stand one tick after the position that did not come, and then
+// it rests exactly.
 TEST(MotionTrack, WhoIsHeldForLongerThanBeforeHasStopped) {
   MotionTrack track;
   const double speed_mps = 4;

@@ -44,9 +44,7 @@ class Walk {
     }
     return replies;
   }
-  static glm::dvec3 middle_m(double time_s) {
-    return {3 * time_s, 1, 2 * (1 - std::cos(0.7 * time_s))};
-  }
+  static glm::dvec3 middle_m(double time_s) { return {3 * time_s, 1, 2 * (1 - std::cos(0.7 * time_s))}; }
   const CameraLimits& limits() const { return game_.session->limits(); }
 
  private:
@@ -68,8 +66,10 @@ void expect_same(const Replies& a, const Replies& b) {
 
 // The rates of yaw and pitch between two poses. The limit of the angular acceleration is one of their change.
 glm::dvec2 rates_radps(const SessionAnswer& before, const SessionAnswer& now) {
-  const ViewAngles from = angles_from_rotation(before.step.camera.pose.rotation), to = angles_from_rotation(now.step.camera.pose.rotation);
-  return glm::dvec2(std::remainder(to.yaw_rad - from.yaw_rad, 2 * std::numbers::pi), to.pitch_rad - from.pitch_rad) / kTickS;
+  const ViewAngles from = angles_from_rotation(before.step.camera.pose.rotation),
+                   to = angles_from_rotation(now.step.camera.pose.rotation);
+  return glm::dvec2(std::remainder(to.yaw_rad - from.yaw_rad, 2 * std::numbers::pi), to.pitch_rad - from.pitch_rad) /
+         kTickS;
 }
 
 // Every reply keeps the limits relative to the reply before.
@@ -78,9 +78,11 @@ void expect_within(const CameraLimits& limits, const Replies& replies) {
     const CameraState &before = replies[i - 1].step.camera, &now = replies[i].step.camera;
     const glm::dvec3 velocity_mps = (now.pose.position_m - before.pose.position_m) / kTickS;
     ASSERT_LE(glm::length(velocity_mps), limits.max_speed_mps * (1 + 1e-9)) << "tick " << i;
-    ASSERT_LE(glm::length(velocity_mps - before.velocity_mps), limits.max_acceleration_mps2 * kTickS * (1 + 1e-6) + 1e-9)
+    ASSERT_LE(glm::length(velocity_mps - before.velocity_mps),
+              limits.max_acceleration_mps2 * kTickS * (1 + 1e-6) + 1e-9)
         << "tick " << i;
-    ASSERT_LE(angle_between(now.pose.rotation, before.pose.rotation), limits.max_angular_speed_radps * kTickS * (1 + 1e-6))
+    ASSERT_LE(angle_between(now.pose.rotation, before.pose.rotation),
+              limits.max_angular_speed_radps * kTickS * (1 + 1e-6))
         << "tick " << i;
     if (i < 2) continue;
     ASSERT_LE(glm::length(rates_radps(replies[i - 1], replies[i]) - rates_radps(replies[i - 2], replies[i - 1])),
@@ -97,8 +99,8 @@ glm::dvec3 rounded(const glm::dvec3& v) {
 Pose sent_back(const Convention& c, const Pose& pose) {
   const Pose theirs = camera_to_client(c, pose);
   const glm::dquat& q = theirs.rotation;
-  const glm::dquat kept = glm::normalize(glm::dquat(static_cast<float>(q.w), static_cast<float>(q.x),
-                                                    static_cast<float>(q.y), static_cast<float>(q.z)));
+  const glm::dquat kept = glm::normalize(
+      glm::dquat(static_cast<float>(q.w), static_cast<float>(q.x), static_cast<float>(q.y), static_cast<float>(q.z)));
   return camera_from_client(c, {rounded(theirs.position_m), kept});
 }
 
@@ -149,8 +151,8 @@ class Smoothed {
   Pose pose_;
 };
 
-// The shot stays the same, because another one, as good, may be 1.6 m farther away. The people set out to one side of the camera, which comes back to its
-// place beside them by any of several ways. Only then are the distances compared.
+// The shot stays the same, because another one, as good, may be 1.6 m farther away. The people set out to one side of
+// the camera, which comes back to its place beside them by any of several ways. Only then are the distances compared.
 TEST(ObservedCamera, ASuggestionLeadsAClientThatSmooths) {
   constexpr size_t kTicks = 1700, kSettledAt = 700;  // the people walk 85 m, 35 m of it until then
   const auto mean_distance_m = [](const Replies& replies) {
@@ -178,7 +180,8 @@ TEST(ObservedCamera, NearThePathTheLimitsHoldFromReplyToReply) {
     size_t late = 0;
     const auto roam = [&](const Replies& replies) -> std::optional<ObservedCamera> {
       if (random.next_below(20) == 0)
-        aside_m = 0.55 * glm::dvec3(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1)), late = random.next_below(20);
+        aside_m = 0.55 * glm::dvec3(random.next_in(-1, 1), random.next_in(-1, 1), random.next_in(-1, 1)),
+        late = random.next_below(20);
       if (replies.size() <= late) return std::nullopt;
       Pose pose = replies[replies.size() - 1 - late].step.camera.pose;
       pose.position_m += aside_m;
@@ -216,7 +219,8 @@ TEST(ObservedCamera, TheSuggestionIsPulledSlowlyToACameraNearby) {
   expect_within(game.session->limits(), replies);
   EXPECT_LT(last_m, 0.02);
   TickMaker last = game.tick(kTickS);
-  EXPECT_LT(glm::distance(place_of(game.play(last)), place_of(replies.back())), 0.01) << "the pull ends with the observation";
+  EXPECT_LT(glm::distance(place_of(game.play(last)), place_of(replies.back())), 0.01)
+      << "the pull ends with the observation";
 }
 
 TEST(ObservedCamera, ThePullDoesNotLeadThroughAWall) {
@@ -234,13 +238,16 @@ TEST(ObservedCamera, FarFromThePathTheSuggestionStartsAgainWithWhatIsSent) {
   const CameraLimits& limits = game.session->limits();
   const glm::dvec3 at(20, 3, 6), velocity_mps(4, 0, 0);
   TickMaker tick = game.tick(kTickS);
-  tick.observed_camera = ObservedCamera{{at, glm::angleAxis(1.0, glm::dvec3(0, 1, 0))}, velocity_mps, false, {0, 1.5, 0}};
+  tick.observed_camera = ObservedCamera{
+      {at, glm::angleAxis(1.0, glm::dvec3(0, 1, 0))}, velocity_mps, false, {0, 1.5, 0}};
   const SessionAnswer answer = game.play(tick);
   const CameraState& camera = answer.step.camera;
   EXPECT_LE(glm::length(camera.velocity_mps - velocity_mps), limits.max_acceleration_mps2 * kTickS * (1 + 1e-9));
-  EXPECT_LE(glm::distance(camera.pose.position_m, at + velocity_mps * kTickS), limits.max_acceleration_mps2 * kTickS * kTickS * 1.01);
+  EXPECT_LE(glm::distance(camera.pose.position_m, at + velocity_mps * kTickS),
+            limits.max_acceleration_mps2 * kTickS * kTickS * 1.01);
   const TurnState& turn = game.session->carried().turn;
-  EXPECT_LE(std::hypot(turn.yaw_rate_radps - 1.5, turn.pitch_rate_radps), limits.max_angular_acceleration_radps2 * kTickS * (1 + 1e-9));
+  EXPECT_LE(std::hypot(turn.yaw_rate_radps - 1.5, turn.pitch_rate_radps),
+            limits.max_angular_acceleration_radps2 * kTickS * (1 + 1e-9));
   EXPECT_LE(std::abs(turn.angles.yaw_rad - (1.0 + turn.yaw_rate_radps * kTickS)), 1e-9);
   EXPECT_FALSE(answer.cut);
 }
@@ -262,18 +269,21 @@ TEST(ObservedCamera, TurningGoesOnWhenOnlyThePositionIsTheClients) {
     const SessionAnswer answer = game.play(tick);
     pose.rotation = answer.step.camera.pose.rotation;
     const glm::dvec3 now = answer.step.camera.angular_velocity_radps;
-    EXPECT_LE(glm::length(now - before), game.session->limits().max_angular_acceleration_radps2 * kTickS * 1.01 + 1e-3) << i;
+    EXPECT_LE(glm::length(now - before), game.session->limits().max_angular_acceleration_radps2 * kTickS * 1.01 + 1e-3)
+        << i;
     before = now;
     turned = std::max(turned, glm::length(now));
   }
-  EXPECT_GT(turned, 2 * game.session->limits().max_angular_acceleration_radps2 * kTickS) << "more than one tick can reach";
+  EXPECT_GT(turned, 2 * game.session->limits().max_angular_acceleration_radps2 * kTickS)
+      << "more than one tick can reach";
 }
 
 TEST(ObservedCamera, AReplyThatIsSentBackInAMergedTickLosesNoTime) {
   Game with, without;
   for (int i = 0; i < 20; ++i) {
     const CameraState& camera = with.session->carried().camera;
-    with.apply(with.tick(kTickS).move(kAnn, {-1 + 0.1 * i, 1, 0})), without.apply(without.tick(kTickS).move(kAnn, {-1 + 0.1 * i, 1, 0}));
+    with.apply(with.tick(kTickS).move(kAnn, {-1 + 0.1 * i, 1, 0})),
+        without.apply(without.tick(kTickS).move(kAnn, {-1 + 0.1 * i, 1, 0}));
     TickMaker second = with.tick(kTickS);
     second.observed_camera = ObservedCamera{camera.pose, {}, false, {}};
     EXPECT_EQ(place_of(with.play(second)), place_of(without.play(without.tick(kTickS)))) << i;

@@ -94,8 +94,7 @@ TEST(SessionMerge, MergedTicksKeepTheNewestStateAndSumTheirTime) {
   for (int i = 1; i <= 5; ++i)
     merged.apply(merged.tick(1.0 / 64).move(kAnn, {-1 + 0.01 * i, 1, 0}).at_speed({0.64, 0, 0}));
   const SessionAnswer five = merged.answer();
-  const SessionAnswer one =
-      single.play(single.tick(5.0 / 64).move(kAnn, {-1 + 0.01 * 5, 1, 0}).at_speed({0.64, 0, 0}));
+  const SessionAnswer one = single.play(single.tick(5.0 / 64).move(kAnn, {-1 + 0.01 * 5, 1, 0}).at_speed({0.64, 0, 0}));
 
   EXPECT_EQ(five.merged_ticks, 4u);
   EXPECT_EQ(one.merged_ticks, 0u);
@@ -296,7 +295,8 @@ TEST(SessionTargets, PartsMayBeRemovedLaterAndAddedAgain) {
   });
   // The part stands beside a wall that hides the target.
   TickMaker begin = game.tick(), remove = game.tick(), again = game.tick();
-  begin.delta.add = {game.make(20, BoxShape{{1, 2, 0.1f}}, {-1, 1, 3}), game.make(21, CapsuleShape{0.3f, 0.6f}, {3, 1, 0})};
+  begin.delta.add = {game.make(20, BoxShape{{1, 2, 0.1f}}, {-1, 1, 3}),
+                     game.make(21, CapsuleShape{0.3f, 0.6f}, {3, 1, 0})};
   begin.targets = {Game::target(kAnn)};
   begin.targets->front().part_ids = {21};
   EXPECT_NEAR(game.play(begin).step.targets[0].visible_share, 0.5, 0.13);
@@ -328,9 +328,7 @@ TEST(SessionRelative, IsSeenFromTheFirstRequiredTarget) {
   ASSERT_EQ(answer.relative_target_id, kBob);
   const Pose& bob = game.instance(kBob).pose;
   expect_near(transform_point(bob, answer.target_from_camera.position_m), place_of(answer), 1e-9);
-  EXPECT_LT(
-      angle_between(bob.rotation * answer.target_from_camera.rotation, answer.step.camera.pose.rotation),
-      1e-7);
+  EXPECT_LT(angle_between(bob.rotation * answer.target_from_camera.rotation, answer.step.camera.pose.rotation), 1e-7);
 }
 
 // The camera stands still in the world: a turn of the target moves it in the frame that turns along, and in no other.
@@ -392,13 +390,11 @@ TEST(SessionOpen, TheSceneIsOneRevision) {
 
 class FlakySampler : public Sampler {
  public:
-  Status take(const SceneMirror&, std::span<const MapRequest> requests,
-              std::vector<DepthMap>& maps) override {
+  Status take(const SceneMirror&, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) override {
     if (fails) return fail(ErrorCode::kUnavailable, "", "the device was lost");
     maps.resize(requests.size());
     for (size_t i = 0; i < maps.size(); ++i) {
-      const size_t texels =
-          static_cast<size_t>(requests[i].view.width) * static_cast<size_t>(requests[i].view.height);
+      const size_t texels = static_cast<size_t>(requests[i].view.width) * static_cast<size_t>(requests[i].view.height);
       maps[i] = {requests[i].view, std::vector<float>(texels, std::numeric_limits<float>::infinity()),
                  std::vector<uint32_t>(texels, kNoOccluder)};
     }
@@ -433,8 +429,7 @@ TEST(SessionSampler, WhatAFailedStepMissedIsInTheNext) {
 TEST(SessionTimes, AreTakenFromTheClockThatIsGiven) {
   Game game;
   int64_t now_ns = 1000;
-  auto opened =
-      Session::open(game.make_options(), std::make_unique<FlakySampler>(), [&] { return now_ns += 10; });
+  auto opened = Session::open(game.make_options(), std::make_unique<FlakySampler>(), [&] { return now_ns += 10; });
   ASSERT_TRUE(opened.has_value());
   TickMaker tick = game.tick();
   tick.arrival_ns = now_ns - 500;

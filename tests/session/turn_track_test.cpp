@@ -40,8 +40,10 @@ TEST(TurnTrack, ASteadyTurnIsKnownAfterTwoTicks) {
 
 TEST(TurnTrack, HeldRotationsTurnAtTheSameRate) {
   for (const double rate_hz : {30.0, 20.0, 12.0}) {
-    const auto found = estimates(60, [&](double time_s) { return turned(1.5 * std::floor(time_s * rate_hz + 1e-6) / rate_hz); });
-    for (size_t k = 20; k < found.size(); ++k) EXPECT_LT(glm::distance(found[k], glm::dvec3(0, 1.5, 0)), 1e-6) << rate_hz << " " << k;
+    const auto found = estimates(
+        60, [&](double time_s) { return turned(1.5 * std::floor(time_s * rate_hz + 1e-6) / rate_hz); });
+    for (size_t k = 20; k < found.size(); ++k)
+      EXPECT_LT(glm::distance(found[k], glm::dvec3(0, 1.5, 0)), 1e-6) << rate_hz << " " << k;
   }
 }
 
@@ -86,7 +88,8 @@ TEST(TurningInstances, ASessionDerivesAngularVelocitiesOrTakesThoseThatAreSent) 
   turn(0.16, false), turn(0.18, false), turn(0.2, false);
   EXPECT_GT(game.instance(test::kCrate).angular_velocity_radps.y, 1.0);
   for (int k = 0; k < 5; ++k) game.play(game.tick(kTick));
-  EXPECT_EQ(game.instance(test::kCrate).angular_velocity_radps, glm::dvec3(0.0)) << "what is no longer named has stopped";
+  EXPECT_EQ(game.instance(test::kCrate).angular_velocity_radps, glm::dvec3(0.0))
+      << "what is no longer named has stopped";
 }
 
 TEST(TurningInstances, WrongAngularVelocitiesAreRefusedByName) {

@@ -51,8 +51,7 @@ const WrongTick kWrongTicks[] = {
     {"tick.time_s", E::kInvalidArgument, [](Game&, TickMaker& t) { t.time_s = 1e120; }},
     {"tick.dt_s", E::kInvalidArgument, [](Game&, TickMaker& t) { t.dt_s = 1e120; }},
     {"tick.transforms.ids[1]", E::kNotFound, [](Game&, TickMaker& t) { t.move(kAnn, {}).move(99, {}); }},
-    {"tick.transforms.ids[1]", E::kInvalidArgument,
-     [](Game&, TickMaker& t) { t.move(kAnn, {}).move(kAnn, {}); }},
+    {"tick.transforms.ids[1]", E::kInvalidArgument, [](Game&, TickMaker& t) { t.move(kAnn, {}).move(kAnn, {}); }},
     {"tick.transforms.positions[3]", E::kInvalidArgument,
      [](Game&, TickMaker& t) {
        t.move(kAnn, {}).move(kBob, {kNan, 0, 0});
@@ -76,8 +75,7 @@ const WrongTick kWrongTicks[] = {
     {"tick.transforms.velocities", E::kInvalidArgument,
      [](Game&, TickMaker& t) { t.move(kAnn, {}).transforms.velocities_mps.resize(2); }},
     {"tick.transforms.positions", E::kInvalidArgument, [](Game&, TickMaker& t) { t.transforms.ids = {kAnn}; }},
-    {"tick.delta.base_revision", E::kFailedPrecondition,
-     [](Game&, TickMaker& t) { t.delta.base_revision = 44; }},
+    {"tick.delta.base_revision", E::kFailedPrecondition, [](Game&, TickMaker& t) { t.delta.base_revision = 44; }},
     {"tick.delta.removed_ids[1]", E::kNotFound,
      [](Game&, TickMaker& t) {
        t.delta.remove = {kCrate, 99};
@@ -140,20 +138,24 @@ const WrongTick kWrongTicks[] = {
        t.targets = {broken_target([](Target& x) { x.aim_offset_m = glm::dvec3(0, 0, 1e10); })};
      }},
     {"tick.targets.targets[0].attached_ids[1]", E::kNotFound,
-     [](Game&, TickMaker& t) {
-       t.targets = {broken_target([](Target& x) { x.attached_ids = {kWall, 99}; })};
-     }},
+     [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) {
+                                 x.attached_ids = {kWall, 99};
+                               })}; }},
     {"tick.targets.targets[0].ignored_ids[0]", E::kNotFound,
      [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.ignored_ids = {99}; })}; }},
     {"tick.targets.targets[0].part_ids[1]", E::kNotFound,
-     [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.part_ids = {kWall, 99}; })}; }},
+     [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) {
+                                 x.part_ids = {kWall, 99};
+                               })}; }},
     {"tick.targets.targets[0].part_ids[0]", E::kNotFound,
      [](Game&, TickMaker& t) {
        t.delta.remove = {kCrate};
        t.targets = {broken_target([](Target& x) { x.part_ids = {kCrate}; })};
      }},
     {"tick.targets.targets[0].part_ids[1]", E::kInvalidArgument,
-     [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.part_ids = {kWall, kWall}; })}; }},
+     [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) {
+                                 x.part_ids = {kWall, kWall};
+                               })}; }},
     {"tick.targets.targets[0].part_ids[0]", E::kInvalidArgument,
      [](Game&, TickMaker& t) { t.targets = {broken_target([](Target& x) { x.part_ids = {kAnn}; })}; }},
     {"tick.targets.targets[0].part_ids[1]", E::kInvalidArgument,
@@ -199,9 +201,7 @@ const WrongTick kWrongTicks[] = {
     {"tick.tuning.aggregate.filter.n", E::kInvalidArgument,
      [](Game&, TickMaker& t) { otherwise_good(t).aggregate.filter.n = 0; }},
     {"tick.tuning.move.cost", E::kInvalidArgument,
-     [](Game&, TickMaker& t) {
-       otherwise_good(t).move.cost = {.occlusion = 0, .distance = 0, .route = 0};
-     }},
+     [](Game&, TickMaker& t) { otherwise_good(t).move.cost = {.occlusion = 0, .distance = 0, .route = 0}; }},
     {"tick.settings.dead_zone", E::kInvalidArgument,
      [](Game&, TickMaker& t) { otherwise_good(t).framing.dead_zone = kNan; }},
     {"tick.settings.max_vertical_fov_rad", E::kInvalidArgument,
@@ -299,15 +299,13 @@ const WrongOpen kWrongOpens[] = {
      }},
     {"open.lens.aspect", E::kInvalidArgument, [](SessionOptions& o) { o.lens.aspect = 0.05; }},
     {"open.limits.max_speed_mps", E::kInvalidArgument, [](SessionOptions& o) { o.limits.max_speed_mps = 0; }},
-    {"open.limits.body_radius_m", E::kInvalidArgument,
-     [](SessionOptions& o) { o.limits.body_radius_m = 0.1; }},
+    {"open.limits.body_radius_m", E::kInvalidArgument, [](SessionOptions& o) { o.limits.body_radius_m = 0.1; }},
     {"open.limits.body_radius_m", E::kInvalidArgument,
      [](SessionOptions& o) {  // fits as it is, but not at the widest zoom
        o.settings.framing.min_vertical_fov_rad = 0.5;
        o.settings.framing.max_vertical_fov_rad = 2.6;
      }},
-    {"open.tuning.bound.horizon_s", E::kInvalidArgument,
-     [](SessionOptions& o) { o.settings.bound.horizon_s = 3; }},
+    {"open.tuning.bound.horizon_s", E::kInvalidArgument, [](SessionOptions& o) { o.settings.bound.horizon_s = 3; }},
     {"open.tuning.sample.resolution", E::kInvalidArgument,
      [](SessionOptions& o) { o.settings.sample.resolution = 65; }},
     {"open.tuning.aggregate.candidates", E::kInvalidArgument,
@@ -339,9 +337,11 @@ const WrongOpen kWrongOpens[] = {
     {"open.targets[1].id", E::kNotFound, [](SessionOptions& o) { o.targets[1].instance_id = 99; }},
     {"open.targets[1].id", E::kInvalidArgument, [](SessionOptions& o) { o.targets[1].instance_id = kAnn; }},
     {"open.targets[1].part_ids[0]", E::kNotFound, [](SessionOptions& o) { o.targets[1].part_ids = {99}; }},
-    {"open.targets[1].part_ids[1]", E::kInvalidArgument, [](SessionOptions& o) { o.targets[1].part_ids = {kCrate, kAnn}; }},
-    {"open.targets", E::kResourceExhausted,
-     [](SessionOptions& o) { o.targets.assign(33, Game::target(kAnn)); }},
+    {"open.targets[1].part_ids[1]", E::kInvalidArgument,
+     [](SessionOptions& o) {
+       o.targets[1].part_ids = {kCrate, kAnn};
+     }},
+    {"open.targets", E::kResourceExhausted, [](SessionOptions& o) { o.targets.assign(33, Game::target(kAnn)); }},
 };
 
 class WrongOpens : public testing::TestWithParam<WrongOpen> {};

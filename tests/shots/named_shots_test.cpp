@@ -19,7 +19,8 @@ namespace {
 TEST(NamedShots, AreListedWithTheNamesThatFilmMakersKnow) {
   std::set<std::string> names;
   for (const NamedShot& shot : named_shots()) EXPECT_TRUE(names.insert(shot.name).second) << shot.name;
-  EXPECT_EQ(names, (std::set<std::string>{"wide", "medium", "close", "two-shot", "over-right-shoulder", "over-left-shoulder", "chase", "side", "top-down", "orbit", "tripod"}));
+  EXPECT_EQ(names, (std::set<std::string>{"wide", "medium", "close", "two-shot", "over-right-shoulder",
+                                          "over-left-shoulder", "chase", "side", "top-down", "orbit", "tripod"}));
   std::ostringstream out, err;
   EXPECT_EQ(run_shots_command({}, out, err), 0);
   for (const std::string& name : names) EXPECT_NE(out.str().find(name), std::string::npos);
@@ -33,7 +34,8 @@ TEST(NamedShots, EachIsAPartOfATickThatTheServerTakes) {
     EXPECT_TRUE(read_settings(tick->settings(), {}, "tick.", settings)) << shot.name;
     EXPECT_TRUE(validate(settings)) << shot.name;
     AskedShot asked;
-    EXPECT_TRUE(!tick->has_shot() || read_shot(tick->shot(), gltf_convention(), Lens{}.aspect, "tick.shot", asked)) << shot.name;
+    EXPECT_TRUE(!tick->has_shot() || read_shot(tick->shot(), gltf_convention(), Lens{}.aspect, "tick.shot", asked))
+        << shot.name;
   }
 }
 

@@ -1,7 +1,7 @@
-// The clients of a soak: soak_client ADDRESS SECONDS [SESSIONS]. Every session ticks at 60 Hz and changes its scene twice a second. After
-// about half a minute it ends and another one follows: some are closed in order, some are cut off, and some open a scene that they have
-// uploaded. Every ten seconds the program prints a line of JSON: the counts since the last line, the round trips in milliseconds, and errors
-// that the clients did not cause.
+// The clients of a soak: soak_client ADDRESS SECONDS [SESSIONS]. Every session ticks at 60 Hz and changes its scene
+// twice a second. After about half a minute it ends and another one follows: some are closed in order, some are cut
+// off, and some open a scene that they have uploaded. Every ten seconds the program prints a line of JSON: the counts
+// since the last line, the round trips in milliseconds, and errors that the clients did not cause.
 #include <grpcpp/grpcpp.h>
 
 #include <algorithm>
@@ -45,13 +45,19 @@ class Figures {
     const std::lock_guard lock(mutex_);
     std::sort(round_trips_ms_.begin(), round_trips_ms_.end());
     const auto share = [&](double part) {
-      return round_trips_ms_.empty() ? 0.0 : round_trips_ms_[std::min(round_trips_ms_.size() - 1, static_cast<size_t>(part * static_cast<double>(round_trips_ms_.size())))];
+      return round_trips_ms_.empty()
+                 ? 0.0
+                 : round_trips_ms_[std::min(round_trips_ms_.size() - 1,
+                                            static_cast<size_t>(part * static_cast<double>(round_trips_ms_.size())))];
     };
-    std::printf("{\"at_s\": %.1f, \"sent\": %llu, \"answered\": %llu, \"merged\": %llu, \"opened\": %llu, \"cut\": %llu, \"uploads\": %llu, "
-                "\"p50_ms\": %.3f, \"p99_ms\": %.3f, \"max_ms\": %.3f, \"errors\": [",
-                at_s, count(sent), static_cast<unsigned long long>(answered_), static_cast<unsigned long long>(merged_), count(opened), count(cut),
-                count(uploads), share(0.5), share(0.99), share(1.0));
-    for (size_t i = 0; i < std::min<size_t>(errors_.size(), 20); ++i) std::printf("%s\"%s\"", i ? ", " : "", errors_[i].c_str());
+    std::printf(
+        "{\"at_s\": %.1f, \"sent\": %llu, \"answered\": %llu, \"merged\": %llu, \"opened\": %llu, \"cut\": %llu, "
+        "\"uploads\": %llu, "
+        "\"p50_ms\": %.3f, \"p99_ms\": %.3f, \"max_ms\": %.3f, \"errors\": [",
+        at_s, count(sent), static_cast<unsigned long long>(answered_), static_cast<unsigned long long>(merged_),
+        count(opened), count(cut), count(uploads), share(0.5), share(0.99), share(1.0));
+    for (size_t i = 0; i < std::min<size_t>(errors_.size(), 20); ++i)
+      std::printf("%s\"%s\"", i ? ", " : "", errors_[i].c_str());
     std::puts("]}");
     std::fflush(stdout);
     round_trips_ms_.clear(), errors_.clear();
@@ -68,14 +74,16 @@ class Figures {
 };
 
 std::string plain(std::string text) {
-  std::erase_if(text, [](char letter) { return letter == '"' || letter == '\\' || static_cast<unsigned char>(letter) < ' '; });
+  std::erase_if(
+      text, [](char letter) { return letter == '"' || letter == '\\' || static_cast<unsigned char>(letter) < ' '; });
   return text;
 }
 
 // One Control call, from its opening to its end.
 class Life {
  public:
-  Life(v1::CameraControlService::Stub& stub, Figures& figures, unsigned seed) : stub_(stub), figures_(figures), random_(seed) {}
+  Life(v1::CameraControlService::Stub& stub, Figures& figures, unsigned seed)
+      : stub_(stub), figures_(figures), random_(seed) {}
 
   void run(Clock::duration length, bool cut_off, const std::string& scene) {
     call_ = stub_.Control(&context_);
@@ -83,7 +91,8 @@ class Life {
     *request.mutable_open() = opening(scene);
     call_->Write(request);
     v1::ControlResponse reply;
-    if (!call_->Read(&reply) || !reply.has_opened()) return fail("an opening failed: " + call_->Finish().error_message());
+    if (!call_->Read(&reply) || !reply.has_opened())
+      return fail("an opening failed: " + call_->Finish().error_message());
     ++figures_.opened;
     std::thread reader([this] { read(); });
     play(length);
@@ -123,7 +132,8 @@ class Life {
       tick.set_sequence(sequence);
       tick.set_time_s(static_cast<double>(sequence) / 60);
       tick.mutable_transforms()->add_ids(kTarget);
-      for (const double p : {2 * std::sin(tick.time_s()), 0.9, 2 * std::cos(tick.time_s())}) tick.mutable_transforms()->add_positions(p);
+      for (const double p : {2 * std::sin(tick.time_s()), 0.9, 2 * std::cos(tick.time_s())})
+        tick.mutable_transforms()->add_positions(p);
       if (sequence % 30 == 0) change_scene(*tick.mutable_delta());
       {
         const std::lock_guard lock(mutex_);
@@ -155,8 +165,10 @@ class Life {
       if (!reply.has_camera()) continue;
       const std::lock_guard lock(mutex_);
       Clock::time_point due{};
-      while (!due_.empty() && due_.front().first <= reply.camera().sequence()) due = due_.front().second, due_.pop_front();
-      figures_.answered(std::chrono::duration<double, std::milli>(Clock::now() - due).count(), reply.camera().merged_ticks());
+      while (!due_.empty() && due_.front().first <= reply.camera().sequence())
+        due = due_.front().second, due_.pop_front();
+      figures_.answered(std::chrono::duration<double, std::milli>(Clock::now() - due).count(),
+                        reply.camera().merged_ticks());
     }
   }
 
@@ -184,7 +196,8 @@ std::string upload(v1::CameraControlService::Stub& stub, Figures& figures, unsig
   request.set_chunk(bytes.data(), bytes.size());
   call->Write(request);
   call->WritesDone();
-  if (const grpc::Status status = call->Finish(); !status.ok()) return figures.error(plain("an upload failed: " + status.error_message())), "";
+  if (const grpc::Status status = call->Finish(); !status.ok())
+    return figures.error(plain("an upload failed: " + status.error_message())), "";
   ++figures.uploads;
   return answer.hash();
 }
@@ -200,7 +213,8 @@ void live(const std::string& address, unsigned number, Clock::time_point end, Fi
     channel->WaitForConnected(std::chrono::system_clock::now() + std::chrono::seconds(20));
     const auto stub = v1::CameraControlService::NewStub(channel);
     const std::string scene = round % 3 == 1 ? upload(*stub, figures, 1000 * number + round) : "";
-    const auto length = std::min<Clock::duration>(std::chrono::milliseconds(20'000 + random() % 20'000), end - Clock::now());
+    const auto length = std::min<Clock::duration>(std::chrono::milliseconds(20'000 + random() % 20'000),
+                                                  end - Clock::now());
     Life(*stub, figures, number * 7919 + round).run(length, round % 2 == 1, scene);
   }
 }

@@ -61,7 +61,8 @@ TEST(Window, OfADaemonThatDidNothingIsZeros) {
   stats.set_uptime_s(5.0);
   const Window window = window_between(stats, stats);
   EXPECT_GT(window.seconds, 0.0);
-  for (const double value : {window.ticks_per_s, window.steps_per_s, window.late_share, window.degraded_share, window.sent_bytes_per_s, window.cpus})
+  for (const double value : {window.ticks_per_s, window.steps_per_s, window.late_share, window.degraded_share,
+                             window.sent_bytes_per_s, window.cpus})
     EXPECT_EQ(value, 0.0);
   ASSERT_EQ(window.durations.size(), 3u);
   for (const DurationRow& row : window.durations) EXPECT_EQ(row.mean_us + row.p50_us + row.p99_us, 0.0) << row.name;
@@ -70,7 +71,8 @@ TEST(Window, OfADaemonThatDidNothingIsZeros) {
 TEST(Window, ADifferenceHoldsWhatCameSince) {
   const v1::DurationHistogram earlier = histogram_of({3.0, 100.0}), later = histogram_of({3.0, 100.0, 100.0, 5000.0});
   const v1::DurationHistogram within = difference(later, earlier), expected = histogram_of({100.0, 5000.0});
-  EXPECT_TRUE(std::equal(within.counts().begin(), within.counts().end(), expected.counts().begin(), expected.counts().end()));
+  EXPECT_TRUE(
+      std::equal(within.counts().begin(), within.counts().end(), expected.counts().begin(), expected.counts().end()));
   EXPECT_NEAR(within.sum_s(), 5100e-6, 1e-12);
 }
 
@@ -164,14 +166,16 @@ TEST(StatusText, TellsAllOfADaemonLineByLine) {
   v1::GetServerStatsResponse stats;
   stats.set_ready(true), stats.set_uptime_s(61.0);
   stats.set_open_sessions(3), stats.set_opened_sessions(4567), stats.add_sessions_at_level(3);
-  stats.set_kept_sessions(1), stats.set_resumed_sessions(2), stats.set_expired_sessions(3), stats.set_refused_resumes(4);
+  stats.set_kept_sessions(1), stats.set_resumed_sessions(2), stats.set_expired_sessions(3),
+      stats.set_refused_resumes(4);
   stats.set_open_connections(5), stats.set_resident_bytes(3 << 20), stats.set_geometry_bytes(512);
   for (const auto& [name, count] : {std::pair("max-sessions", 6), std::pair("max-streams", 7)}) {
     v1::LimitCount& limit = *stats.add_limits();
     limit.set_limit(name), limit.set_count(static_cast<uint64_t>(count));
   }
   v1::AccessStats& access = *stats.mutable_access();
-  access.set_refused_calls(8), access.set_failed_handshakes(9), access.set_files_taken_over(10), access.set_files_refused(11);
+  access.set_refused_calls(8), access.set_failed_handshakes(9), access.set_files_taken_over(10),
+      access.set_files_refused(11);
   const auto text_of = [&] {
     std::ostringstream out;
     print_state(out, "here:1", info, stats);
@@ -198,10 +202,13 @@ TEST(StatusText, TellsAllOfADaemonLineByLine) {
 
 TEST(StatusText, TellsAllOfAWindowLineByLine) {
   Window window;
-  window.seconds = 2.0, window.ticks_per_s = 60.0, window.steps_per_s = 50.0, window.merged_per_s = 9.0, window.refused_per_s = 1.0;
-  window.late_share = 0.25, window.degraded_share = 0.125, window.received_bytes_per_s = 2048.0, window.sent_bytes_per_s = 3.0 * (1 << 20);
+  window.seconds = 2.0, window.ticks_per_s = 60.0, window.steps_per_s = 50.0, window.merged_per_s = 9.0,
+  window.refused_per_s = 1.0;
+  window.late_share = 0.25, window.degraded_share = 0.125, window.received_bytes_per_s = 2048.0,
+  window.sent_bytes_per_s = 3.0 * (1 << 20);
   window.cpus = 1.5;
-  window.durations = {{.name = "step", .count = 1234, .p50_us = 999.4, .p99_us = 1000.0, .mean_us = 2500.0}, {.name = "  sample", .count = 1}};
+  window.durations = {{.name = "step", .count = 1234, .p50_us = 999.4, .p99_us = 1000.0, .mean_us = 2500.0},
+                      {.name = "  sample", .count = 1}};
   std::ostringstream out;
   print_window(out, window);
   EXPECT_EQ(out.str(),

@@ -33,17 +33,29 @@ void count() {
 
 // operator new and its variants call these.
 extern "C" {
-void* malloc(size_t size) { return count(), __libc_malloc(size); }
-void* calloc(size_t number, size_t size) { return count(), __libc_calloc(number, size); }
-void* realloc(void* block, size_t size) { return count(), __libc_realloc(block, size); }
-void* memalign(size_t alignment, size_t size) { return count(), __libc_memalign(alignment, size); }
-void* aligned_alloc(size_t alignment, size_t size) { return count(), __libc_memalign(alignment, size); }
+void* malloc(size_t size) {
+  return count(), __libc_malloc(size);
+}
+void* calloc(size_t number, size_t size) {
+  return count(), __libc_calloc(number, size);
+}
+void* realloc(void* block, size_t size) {
+  return count(), __libc_realloc(block, size);
+}
+void* memalign(size_t alignment, size_t size) {
+  return count(), __libc_memalign(alignment, size);
+}
+void* aligned_alloc(size_t alignment, size_t size) {
+  return count(), __libc_memalign(alignment, size);
+}
 int posix_memalign(void** block, size_t alignment, size_t size) {
   count();
   *block = __libc_memalign(alignment, size);
   return *block ? 0 : ENOMEM;
 }
-void free(void* block) { __libc_free(block); }
+void free(void* block) {
+  __libc_free(block);
+}
 }
 
 namespace sightline::test {
@@ -109,15 +121,18 @@ class Yard {
       counting = false;
       if (!result) throw std::runtime_error(to_string(result.error()));
       statuses_[static_cast<size_t>(result->status)]++;
-      without_sight_ += std::ranges::none_of(result->targets, [](const auto& target) { return target.visible_share > 0; });
+      without_sight_ += std::ranges::none_of(result->targets,
+                                             [](const auto& target) { return target.visible_share > 0; });
     }
     return allocations;
   }
-  // Every target is in a box of its own meanwhile, so the camera looks for a way to a view. Returns in how many steps it saw none.
+  // Every target is in a box of its own meanwhile, so the camera looks for a way to a view. Returns in how many steps
+  // it saw none.
   int play_without_sight(int steps) {
     const int before = without_sight_;
     for (size_t i = 0; i < targets_.size(); ++i)
-      add(5000 + i, BoxShape{{0.8f, 1.2f, 0.8f}}, person(static_cast<int>(i), kTickS * static_cast<double>(tick_ % kRoundSteps)));
+      add(5000 + i, BoxShape{{0.8f, 1.2f, 0.8f}},
+          person(static_cast<int>(i), kTickS * static_cast<double>(tick_ % kRoundSteps)));
     step(steps, false, false);
     SceneDelta delta;
     for (size_t i = 0; i < targets_.size(); ++i) delta.remove.push_back(5000 + i);
@@ -139,7 +154,8 @@ class Yard {
 
   // Of a limb that swings.
   static glm::dvec3 aside(int part, double time_s) {
-    return {0.5 * std::cos(part + std::acos(-1.0) * time_s), 0.3 * part - 0.3, 0.5 * std::sin(part + std::acos(-1.0) * time_s)};
+    return {0.5 * std::cos(part + std::acos(-1.0) * time_s), 0.3 * part - 0.3,
+            0.5 * std::sin(part + std::acos(-1.0) * time_s)};
   }
   glm::dvec3 person(int i, double time_s) const {
     const double angle = 2 * std::acos(-1.0) * (time_s / (kRoundSteps * kTickS) + 0.08 * i);
@@ -153,7 +169,8 @@ class Yard {
     for (size_t i = 0; i < targets_.size(); ++i) {
       const glm::dvec3 at = person(static_cast<int>(i), time_s);
       tell(1 + i, at);
-      for (size_t j = 0; j < targets_[i].part_ids.size(); ++j) tell(targets_[i].part_ids[j], at + aside(static_cast<int>(j), time_s));
+      for (size_t j = 0; j < targets_[i].part_ids.size(); ++j)
+        tell(targets_[i].part_ids[j], at + aside(static_cast<int>(j), time_s));
     }
     for (size_t i = 0; i < moving_.size(); ++i) tell(moving_[i], cart(static_cast<int>(i), time_s));
     if (auto ok = mirror_.apply({}, update_); !ok) throw std::runtime_error(to_string(ok.error()));
@@ -190,7 +207,8 @@ struct Preset {
 };
 
 // Small maps and few candidates make the many steps quick, and the allocations are the same.
-StepSettings changed(StepSettings settings, void (*change)(StepSettings&) = [](StepSettings&) {}) {
+StepSettings changed(
+    StepSettings settings, void (*change)(StepSettings&) = [](StepSettings&) {}) {
   settings.sample.resolution = 4, settings.sample.points = std::min(settings.sample.points, 3);
   settings.aggregate.candidates = 64, settings.move.viewpoint_search.resolution = 3;
   change(settings);
@@ -199,20 +217,21 @@ StepSettings changed(StepSettings settings, void (*change)(StepSettings&) = [](S
 
 std::vector<Preset> presets() {
   const StepSettings sightline = preset_settings(sightline::Preset::kSightline);
-  return {{"sightline", changed(sightline)},
-          {"sightline_four_people", changed(sightline), 4},
-          {"sightline_bodies", changed(sightline), 2, 3},
-          {"sightline_joint", changed(sightline, [](StepSettings& s) { s.aggregate.filter.mode = FilterMode::kJoint; })},
-          {"sightline_pairs", changed(sightline,
-                                      [](StepSettings& s) {
-                                        s.aggregate.volume = Volume::kPair, s.aggregate.filter.mode = FilterMode::kNone;
-                                        s.move.strategy = Strategy::kRobust;
-                                      })},
-          {"robust", changed(sightline, [](StepSettings& s) { s.move.strategy = Strategy::kRobust; })},
-          {"basic", changed(sightline, [](StepSettings& s) { s.move.strategy = Strategy::kBasic; })},
-          {"paper", changed(preset_settings(sightline::Preset::kPaper))},
-          {"paper_row", changed(paper_row(Strategy::kRobust, 0.3))},
-          {"paper_stability", changed(paper_stability(6, 10))}};
+  return {
+      {"sightline", changed(sightline)},
+      {"sightline_four_people", changed(sightline), 4},
+      {"sightline_bodies", changed(sightline), 2, 3},
+      {"sightline_joint", changed(sightline, [](StepSettings& s) { s.aggregate.filter.mode = FilterMode::kJoint; })},
+      {"sightline_pairs", changed(sightline,
+                                  [](StepSettings& s) {
+                                    s.aggregate.volume = Volume::kPair, s.aggregate.filter.mode = FilterMode::kNone;
+                                    s.move.strategy = Strategy::kRobust;
+                                  })},
+      {"robust", changed(sightline, [](StepSettings& s) { s.move.strategy = Strategy::kRobust; })},
+      {"basic", changed(sightline, [](StepSettings& s) { s.move.strategy = Strategy::kBasic; })},
+      {"paper", changed(preset_settings(sightline::Preset::kPaper))},
+      {"paper_row", changed(paper_row(Strategy::kRobust, 0.3))},
+      {"paper_stability", changed(paper_stability(6, 10))}};
 }
 
 class Allocation : public testing::TestWithParam<Preset> {};
@@ -228,8 +247,8 @@ TEST(AllocationCount, CountsWhatIsAllocated) {
 
 TEST_P(Allocation, ThereIsNoneInTenThousandSteadySteps) {
   Yard yard(GetParam().settings, GetParam().people, GetParam().parts);
-  // The number of candidates varies with the bound, and that of a pair volume also with where the targets are. A round with more of either grows
-  // the memory to its final size.
+  // The number of candidates varies with the bound, and that of a pair volume also with where the targets are. A round
+  // with more of either grows the memory to its final size.
   const int candidates = GetParam().settings.aggregate.candidates, resolution = GetParam().settings.sample.resolution;
   yard.set_size(6 * candidates, resolution + 2);
   yard.set_volume(Volume::kLattice);  // rarely used beside pair volumes

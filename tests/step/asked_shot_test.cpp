@@ -1,4 +1,5 @@
-// Shots that the client asks for: frames that turn, size, places in the picture, cuts, blends, and what the report says.
+// Shots that the client asks for: frames that turn, size, places in the picture, cuts, blends, and what the report
+// says.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -32,8 +33,8 @@ struct Shown : ShotFilmed {
   }
 };
 
-// A runner goes round a circle of 6 m at 3 m/s. `follow`: the frame. Returns the share of the ticks after the first 3 s in which the camera is within 45 degrees
-// of being behind.
+// A runner goes round a circle of 6 m at 3 m/s. `follow`: the frame. Returns the share of the ticks after the first 3 s
+// in which the camera is within 45 degrees of being behind.
 double share_behind(ShotFrame frame) {
   Shown world({0, 1.8, 5});
   AskedShot chase;
@@ -43,7 +44,8 @@ double share_behind(ShotFrame frame) {
   int behind = 0, ticks = 0;
   for (int i = 0; i < 1500; ++i) {
     const double angle = 3.0 / 6.0 * i * kTick;
-    const glm::dvec3 at_m(6 * std::sin(angle), 1, 6 * (1 - std::cos(angle))), along(std::cos(angle), 0, std::sin(angle));
+    const glm::dvec3 at_m(6 * std::sin(angle), 1, 6 * (1 - std::cos(angle))),
+        along(std::cos(angle), 0, std::sin(angle));
     // A client without rotations keeps the first one.
     world.turn_to(1, at_m, 3.0 * along, frame == ShotFrame::kTravel ? glm::dvec3(0, 0, 1) : along);
     StepResult result;
@@ -74,7 +76,9 @@ TEST(AskedShot, ARunnerWhoStopsIsStillShownFromBehind) {
     world.move(1, {x_m, 1, 0}, {speed_mps, 0, 0});
     watch.step();
   }
-  EXPECT_LT(glm::distance(world.camera().pose.position_m, glm::dvec3(x_m, 1, 0) + offset_in_frame({kPi, 0.15, 5}, *yaw_of({1, 0, 0}))), 0.5);
+  EXPECT_LT(glm::distance(world.camera().pose.position_m,
+                          glm::dvec3(x_m, 1, 0) + offset_in_frame({kPi, 0.15, 5}, *yaw_of({1, 0, 0}))),
+            0.5);
 }
 
 TEST(AskedShot, ThePictureFromRightAboveDoesNotTurn) {
@@ -107,7 +111,8 @@ TEST(AskedShot, OverTheShoulderShowsTheShoulderAndAllOfTheOther) {
   for (const double right : {1.0, -1.0}) {
     AskedShot over;
     over.subject_ids = {1}, over.frame = ShotFrame::kLine, over.frame_id = 1, over.line_to_id = 2;
-    over.side_rad = right * 2.6, over.height_rad = 0.35, over.distance_m = 1.5, over.tolerance = 0.3, over.places = {{2, {right * 0.3, 0.1}}};
+    over.side_rad = right * 2.6, over.height_rad = 0.35, over.distance_m = 1.5, over.tolerance = 0.3,
+    over.places = {{2, {right * 0.3, 0.1}}};
     world.ask(over);
     Watch watch(world);
     StepResult result;
@@ -141,7 +146,8 @@ TEST(AskedShot, ASizeIsThatOfTheBodyInThePictureAndOfAGroupThatSpreads) {
     world.move(2, {x_m, 1, 0});
     for (int i = 0; i < 240; ++i) watch.step();
     const double width = (world.in_halves({x_m + 0.3, 1, 0}).x - world.in_halves({-0.3, 1, 0}).x) / 2;
-    EXPECT_NEAR(std::max(width, (world.in_halves({0, 1.9, 0}).y - world.in_halves({0, 0.1, 0}).y) / 2), 0.5, 0.08) << x_m;
+    EXPECT_NEAR(std::max(width, (world.in_halves({0, 1.9, 0}).y - world.in_halves({0, 0.1, 0}).y) / 2), 0.5, 0.08)
+        << x_m;
     const double distance_m = glm::distance(world.camera().pose.position_m, glm::dvec3(x_m / 2, 1, 0));
     EXPECT_GT(distance_m, last_m - 0.3);
     last_m = distance_m;
@@ -193,7 +199,9 @@ TEST(AskedShot, ACutIsAtTheShotAtOnceAndFlagged) {
   const StepResult result = world.step(kTick);
   EXPECT_TRUE(result.cut);
   EXPECT_EQ(result.reason, MoveReason::kCut);
-  EXPECT_LT(glm::distance(result.camera.pose.position_m, glm::dvec3(0, 1, 0) + offset_in_frame({kPi, 0.3, 7}, *yaw_of({0, 0, 1}))), 0.05);
+  EXPECT_LT(glm::distance(result.camera.pose.position_m,
+                          glm::dvec3(0, 1, 0) + offset_in_frame({kPi, 0.3, 7}, *yaw_of({0, 0, 1}))),
+            0.05);
   ASSERT_TRUE(result.shot);
   EXPECT_GT(result.shot->worth, 0.95);
   for (int i = 0; i < 60; ++i) EXPECT_FALSE(world.step(kTick).cut) << "one shot is one cut";
@@ -214,8 +222,8 @@ TEST(AskedShot, ACutToAPlaceInsideAWallGoesToANearPlaceThatSeesTheTarget) {
   EXPECT_GT(result.targets[0].visible_share, 0.95);
 }
 
-// A booth that is open to one side hides the target from the places near the shot, which all have room. The camera sees it all the time. Without
-// the viewpoint search, the order of the places stays as it is.
+// A booth that is open to one side hides the target from the places near the shot, which all have room. The camera sees
+// it all the time. Without the viewpoint search, the order of the places stays as it is.
 TEST(AskedShot, ACutLooksBeyondTheFirstPlacesFromWhichTheTargetIsHidden) {
   Shown world({0, 1.2, 4});
   world.settings.move.search_viewpoints = false;
@@ -254,11 +262,13 @@ TEST(AskedShot, AnOrbitWithABlendBeginsWhereTheCameraIs) {
   world.ask(orbit);
   const StepResult result = world.step(kTick);
   ASSERT_TRUE(result.shot);
-  EXPECT_LT(glm::distance(glm::dvec3(0, 1, 0) + offset_in_frame(result.shot->asked, *yaw_of({0, 0, 1})), glm::dvec3(0, 1.6, 6)), 0.1);
+  EXPECT_LT(glm::distance(glm::dvec3(0, 1, 0) + offset_in_frame(result.shot->asked, *yaw_of({0, 0, 1})),
+                          glm::dvec3(0, 1.6, 6)),
+            0.1);
 }
 
-// Two people stand on a line along +x. From either side of it, the camera takes the shot of that side, and does not cross the line. Without the word it goes to
-// the right of the line, wherever it is.
+// Two people stand on a line along +x. From either side of it, the camera takes the shot of that side, and does not
+// cross the line. Without the word it goes to the right of the line, wherever it is.
 TEST(AskedShot, TheNearerOfTwoSidesThatAreAsGoodIsTaken) {
   for (const double z_m : {6.0, -6.0})
     for (const bool either : {true, false}) {
@@ -315,7 +325,9 @@ TEST(AskedShot, ARunnerWhoStandsStillKeepsTheDirectionOfTheFormerShot) {
   world.ask(chase);
   StepResult result;
   for (int i = 0; i < 240; ++i) result = world.step(kTick);
-  EXPECT_LT(glm::distance(world.camera().pose.position_m, glm::dvec3(x_m, 1, 0) + offset_in_frame({kPi, 0.15, 4}, *yaw_of({1, 0, 0}))), 0.5);
+  EXPECT_LT(glm::distance(world.camera().pose.position_m,
+                          glm::dvec3(x_m, 1, 0) + offset_in_frame({kPi, 0.15, 4}, *yaw_of({1, 0, 0}))),
+            0.5);
 }
 
 TEST(AskedShot, FromRightAboveASideThatIsNotSentStays) {
@@ -362,7 +374,9 @@ TEST(AskedShot, ABlendTakesItsTime) {
     last = result.shot->asked.height_rad;
   }
   EXPECT_NEAR(last, 0.6, 1e-9);
-  EXPECT_LT(glm::distance(world.camera().pose.position_m, glm::dvec3(0, 1, 0) + offset_in_frame({1.2, 0.6, 9}, *yaw_of({0, 0, 1}))), 0.3);
+  EXPECT_LT(glm::distance(world.camera().pose.position_m,
+                          glm::dvec3(0, 1, 0) + offset_in_frame({1.2, 0.6, 9}, *yaw_of({0, 0, 1}))),
+            0.3);
 }
 
 TEST(AskedShot, WhatIsNotSentIsTakenFromTheFormerShotEvenWhileTheCameraEvades) {
@@ -415,11 +429,13 @@ TEST(AskedShot, TheReportNamesWhatHidesTheTargetFromThePlaceOfTheShot) {
   EXPECT_GT(result.shot->hidden_share, 0.9);
   EXPECT_EQ(result.shot->hidden_by, 9u);
   EXPECT_EQ(result.shot->hidden_target, 1u);
-  EXPECT_GT(result.shot->deviation.side + result.shot->deviation.height + result.shot->deviation.size, 0.0) << "it evades";
+  EXPECT_GT(result.shot->deviation.side + result.shot->deviation.height + result.shot->deviation.size, 0.0)
+      << "it evades";
 }
 
-// A walker at 1.5 m/s is filmed from the side, 5 m away, and passes behind a pillar of 0.6 m that stands half way. The middle of the walker is hidden from the place of the
-// shot, which goes along, while it is less than 0.3 m from the pillar.
+// A walker at 1.5 m/s is filmed from the side, 5 m away, and passes behind a pillar of 0.6 m that stands half way. The
+// middle of the walker is hidden from the place of the shot, which goes along, while it is less than 0.3 m from the
+// pillar.
 TEST(AskedShot, TheReportForeseesWhatWillHideAWalker) {
   constexpr double kSpeedMps = 1.5, kPillarM = 6.0;
   Shown world({0, 1.6, 5});
@@ -491,7 +507,8 @@ TEST(AskedShot, TheReportForeseesWhatWillHideEachOfTwo) {
       const double in_s = next == 0 ? first_s : second_s;
       if (in_s > 1.0 || in_s < 0.2 || (next == 1 && first_s > -0.15)) continue;
       ++due[next];
-      told[next] += result.shot->soon_target == next + 1 && result.shot->soon_by == 9 && std::abs(result.shot->soon_s - in_s) < 0.2;
+      told[next] += result.shot->soon_target == next + 1 && result.shot->soon_by == 9 &&
+                    std::abs(result.shot->soon_s - in_s) < 0.2;
     }
     for (const size_t k : {0u, 1u}) {
       EXPECT_GT(due[k], rate_hz / 8) << rate_hz << " Hz, target " << k + 1;

@@ -9,8 +9,8 @@
 namespace sightline::test {
 namespace {
 
-// A shaft with openings on two storeys, seen from the side. The target stands on the ground floor. The camera is above a slab in the shaft, so its way leads out on the
-// upper storey, over the edge of the gallery and down:
+// A shaft with openings on two storeys, seen from the side. The target stands on the ground floor. The camera is above
+// a slab in the shaft, so its way leads out on the upper storey, over the edge of the gallery and down:
 //
 //   y = 8   |      |
 //           |      |
@@ -28,8 +28,8 @@ struct Shaft : OneFilmed {
     add_box(10, {-1.4, 10, 1.3}, {0.1, 10, 1.5});
     add_box(11, {1.4, 10, 1.3}, {0.1, 10, 1.5});
     add_box(12, {0, 10, 2.7}, {1.5, 10, 0.1});
-    add_box(13, {0, 2.4, 1.3}, {1.3, 0.1, 1.3});    // the slab
-    add_box(14, {0, 20.1, 1.3}, {1.5, 0.1, 1.5});   // the roof of the shaft
+    add_box(13, {0, 2.4, 1.3}, {1.3, 0.1, 1.3});   // the slab
+    add_box(14, {0, 20.1, 1.3}, {1.5, 0.1, 1.5});  // the roof of the shaft
     for (uint64_t side : {0, 1}) add_box(15 + side, {side == 0 ? -1.1 : 1.1, 10, -0.1}, {0.3, 10, 0.1});
     add_box(17, {0, 6.15, -0.1}, {0.8, 3.85, 0.1});   // above the lower opening
     add_box(18, {0, 16.15, -0.1}, {0.8, 3.85, 0.1});  // above the upper one
@@ -46,8 +46,8 @@ TEST(Blind, TheCameraLeavesAShaftByTheUpperStoreyToSeeTheLowerOne) {
     world.step_in(watch, r);
     if (r.targets[0].filtered_share > 0.9) seen_at = i;
   }
-  EXPECT_GE(seen_at, 0) << "the target was never seen whole; the camera is at " << world.camera().pose.position_m.x << ", "
-                        << world.camera().pose.position_m.y << ", " << world.camera().pose.position_m.z;
+  EXPECT_GE(seen_at, 0) << "the target was never seen whole; the camera is at " << world.camera().pose.position_m.x
+                        << ", " << world.camera().pose.position_m.y << ", " << world.camera().pose.position_m.z;
   EXPECT_LT(world.camera().pose.position_m.z, 0) << "in front of the lower opening";
 }
 
@@ -64,8 +64,8 @@ TEST(Blind, OnItsWayItSaysThatItSeeksAndHowLongItTakes) {
   EXPECT_GT(seeking, 60);
 }
 
-// A wide wall is between the camera and its target. The target is behind the left half at one tick and behind the right half at the next, so
-// the nearest place that sees it is another one at every tick.
+// A wide wall is between the camera and its target. The target is behind the left half at one tick and behind the right
+// half at the next, so the nearest place that sees it is another one at every tick.
 struct BehindAWall : OneFilmed {
   BehindAWall() : OneFilmed({0, 1.5, 5}) {
     settings.move.prediction_s = settings.move.keep_shot = 0;
@@ -96,8 +96,9 @@ TEST(Blind, ACameraThatHasBeenWithoutAViewForAWhileHeadsForTheSamePlaceForATenth
   EXPECT_GT(kept, 4);
 }
 
-// Two people walk side by side through two rows of rooms with walls 5 m high. The doors of a row are in one line. The camera is in a door behind
-// the first person. Without a roof, both are in sight only from high above; the other row can have one.
+// Two people walk side by side through two rows of rooms with walls 5 m high. The doors of a row are in one line. The
+// camera is in a door behind the first person. Without a roof, both are in sight only from high above; the other row
+// can have one.
 struct Rooms : Filming {
   static constexpr double kRoomM = 6, kHalfWallM = 2.5, kDoorM = 1.4, kDoorHeightM = 2.4;
   explicit Rooms(bool other_is_roofed) {
@@ -113,10 +114,12 @@ struct Rooms : Filming {
           add_box(id++, {x, kHalfWallM, z + side * (kDoorM / 2 + half_m)}, {0.1, kHalfWallM, half_m});
         }
     for (double x = 0; x < 50; x += kRoomM)
-      for (const double z : {-3.0, 3.0}) add_box(id++, {x, kHalfWallM + kDoorHeightM / 2, z}, {0.1, kHalfWallM - kDoorHeightM / 2, kDoorM / 2});
+      for (const double z : {-3.0, 3.0})
+        add_box(id++, {x, kHalfWallM + kDoorHeightM / 2, z}, {0.1, kHalfWallM - kDoorHeightM / 2, kDoorM / 2});
     if (other_is_roofed) add_box(id++, {24, 2 * kHalfWallM + 0.1, -3}, {30, 0.1, 3});
     place({-2, 1.6, 3}, {0, 1.2, 3});
-    settings.move.decide_every_s = 0;  // judged is the way, not the pace: with 30 decisions a second both are seen in 175 of the 240 steps below
+    // judged is the way, not the pace: with 30 decisions a second both are seen in 175 of the 240 steps below
+    settings.move.decide_every_s = 0;
   }
   StepResult walk() {
     x_m += kMps / 60;
@@ -192,13 +195,15 @@ TEST(Blind, ACameraStaysWithTheOneThatItSeesWhereTheOtherIsSeenFromNowhere) {
   EXPECT_EQ(goes, 0);
 }
 
-// Two people walk into a tunnel one behind the other. It is too narrow for the camera, which loses sight of one of them wherever it is.
+// Two people walk into a tunnel one behind the other. It is too narrow for the camera, which loses sight of one of them
+// wherever it is.
 struct Tunnel : OneFilmed {
   Tunnel(double half_width_m, double speed_mps) : OneFilmed({-4, 2.5, 3}), mps(speed_mps) {
     settings.move.decide_every_s = 0;  // so that every step has a plan
     add_target(2, {-1.5, 1, 0});
     add_box(9, {0, -0.1, 0}, {80, 0.1, 80});
-    for (const double side : {-1.0, 1.0}) add_box(side < 0 ? 10 : 11, {25, 1.25, side * (half_width_m + 0.1)}, {15, 1.25, 0.1});
+    for (const double side : {-1.0, 1.0})
+      add_box(side < 0 ? 10 : 11, {25, 1.25, side * (half_width_m + 0.1)}, {15, 1.25, 0.1});
     add_box(12, {25, 2.6, 0}, {15, 0.1f, static_cast<float>(half_width_m + 0.2)});
   }
   void walk() {
@@ -212,9 +217,13 @@ struct Tunnel : OneFilmed {
     if (plan_m.empty()) return false;
     const CandidateMemory& memory = stepper.carried().candidates;
     const std::vector<glm::dvec3> cells_m = memory.lattice.positions_m();
-    const auto from_end_m = [&](const glm::dvec3& cell_m) { return glm::distance(cell_m, plan_m[plan_m.size() - 1].position_m); };
+    const auto from_end_m = [&](const glm::dvec3& cell_m) {
+      return glm::distance(cell_m, plan_m[plan_m.size() - 1].position_m);
+    };
     const auto nearest = std::ranges::min_element(cells_m, {}, from_end_m);
-    return memory.ahead.shares(kSlices - 1)[memory.lattice.addresses()[static_cast<size_t>(nearest - cells_m.begin())]] == kUnknownShare;
+    return memory.ahead.shares(kSlices -
+                               1)[memory.lattice.addresses()[static_cast<size_t>(nearest - cells_m.begin())]] ==
+           kUnknownShare;
   }
   const double mps;
   double x_m = 0;

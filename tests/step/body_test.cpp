@@ -80,7 +80,8 @@ double hit(const Bone& bone, const glm::dvec3& eye, const glm::dvec3& ray) {
   if (const double at = glm::dot(from_eye + side * ray, along); side < kMiss && at >= 0 && at <= length) nearest = side;
   for (const glm::dvec3& end : {bone.from_m, bone.to_m}) {
     const glm::dvec3 to_eye = eye - end;
-    nearest = std::min(nearest, first_root(glm::dot(ray, ray), glm::dot(ray, to_eye), glm::dot(to_eye, to_eye) - squared));
+    nearest = std::min(nearest,
+                       first_root(glm::dot(ray, ray), glm::dot(ray, to_eye), glm::dot(to_eye, to_eye) - squared));
   }
   return nearest;
 }
@@ -91,7 +92,8 @@ struct Box {
 double hit(const Box& box, const glm::dvec3& eye, const glm::dvec3& ray) {
   double first = 0, last = kMiss;
   for (int axis = 0; axis < 3; ++axis) {
-    const double a = (box.middle[axis] - box.half[axis] - eye[axis]) / ray[axis], b = (box.middle[axis] + box.half[axis] - eye[axis]) / ray[axis];
+    const double a = (box.middle[axis] - box.half[axis] - eye[axis]) / ray[axis],
+                 b = (box.middle[axis] + box.half[axis] - eye[axis]) / ray[axis];
     first = std::max(first, std::min(a, b)), last = std::min(last, std::max(a, b));
   }
   return first <= last ? first : kMiss;
@@ -105,7 +107,8 @@ double rendered_share(const Puppet& puppet, const Box& box, const glm::dvec3& ey
   int alone = 0, visible = 0;
   for (int y = 0; y < kSize; ++y)
     for (int x = 0; x < kSize; ++x) {
-      const glm::dvec3 ray = frame * glm::dvec3(kHalfWidth * (2 * (x + 0.5) / kSize - 1), kHalfWidth * (2 * (y + 0.5) / kSize - 1), -1);
+      const glm::dvec3 ray = frame * glm::dvec3(kHalfWidth * (2 * (x + 0.5) / kSize - 1),
+                                                kHalfWidth * (2 * (y + 0.5) / kSize - 1), -1);
       double body = kMiss;
       for (const Bone& bone : puppet) body = std::min(body, hit(bone, eye, ray));
       if (body == kMiss) continue;
@@ -150,7 +153,8 @@ TEST(Body, ItsVisibleShareIsThatOfItsPixels) {
     of_one_step += std::abs(first - truth), allowed_of_one += standard_error(truth) * std::sqrt(kSteps);
   }
   EXPECT_LT(error, allowed) << "mean over the scenes: " << error / kScenes << ", allowed " << allowed / kScenes;
-  EXPECT_LT(of_one_step, allowed_of_one) << "mean over the scenes: " << of_one_step / kScenes << ", allowed " << allowed_of_one / kScenes;
+  EXPECT_LT(of_one_step, allowed_of_one) << "mean over the scenes: " << of_one_step / kScenes << ", allowed "
+                                         << allowed_of_one / kScenes;
   EXPECT_LT(std::abs(bias) / kScenes, 0.01);
 }
 
@@ -249,7 +253,8 @@ TEST(Body, PartsHideOthersAndNeverTheirOwn) {
   }
 }
 
-// A box hides the target's instance, and another one does not. Points of the hidden instance would count the first box twice.
+// A box hides the target's instance, and another one does not. Points of the hidden instance would count the first box
+// twice.
 TEST(Body, WhatItHidesOfItselfHasNoPoints) {
   World world;
   world.settings.sample.points = 16;
@@ -294,7 +299,8 @@ TEST(Body, ThePictureHoldsAllOfIt) {
   EXPECT_EQ(result.targets[0].picture_share, 1.0);
   const TrackedTarget& tracked = world.dump().targets.tracked_targets[0];
   for (const Bone& bone : puppet)
-    for (const glm::dvec3& end : {bone.from_m, bone.to_m}) EXPECT_LE(glm::distance(tracked.aim_m, end) + bone.radius_m, tracked.radius_m + 1e-6);
+    for (const glm::dvec3& end : {bone.from_m, bone.to_m})
+      EXPECT_LE(glm::distance(tracked.aim_m, end) + bone.radius_m, tracked.radius_m + 1e-6);
 }
 
 // ---- prediction ----
@@ -308,8 +314,8 @@ bool lies_on(std::span<const Bone> puppet, const glm::dvec3& point, const glm::d
   });
 }
 
-// The point whose margin (sample_stage.cpp) leads to this point. One or two targets are 0.35 m wider to each side, at most twice as wide, and
-// their upper half is 0.45 m higher, at most half as high again.
+// The point whose margin (sample_stage.cpp) leads to this point. One or two targets are 0.35 m wider to each side, at
+// most twice as wide, and their upper half is 0.45 m higher, at most half as high again.
 glm::dvec3 without_margin(const glm::dvec3& point, const glm::dvec3& middle) {
   const glm::dvec3 out = point - middle;
   const double aside = std::hypot(out.x, out.z), narrower = aside > 0.7 ? (aside - 0.35) / aside : 0.5;
@@ -321,7 +327,9 @@ TEST(Body, ItsPartsGoTheWayThatIsPredictedForTheTarget) {
   const glm::dvec3 velocity_mps(2, 0, 0);
   Stance stance = standing();
   stance.upper_arm[1] = stance.forearm[1] = {1, 0, 0};
-  const auto puppet_after = [&](double time_s) { return puppet_at(glm::dvec3(-2, 0.95, 0) + time_s * velocity_mps, 0.3, stance); };
+  const auto puppet_after = [&](double time_s) {
+    return puppet_at(glm::dvec3(-2, 0.95, 0) + time_s * velocity_mps, 0.3, stance);
+  };
   PuppetWorld world(puppet_after(0));
   world.settings = Filming().settings;
   world.settings.sample.points = 8;

@@ -1,5 +1,5 @@
-// On an open plane, a target is faster than the camera may be. The camera uses all of its allowed speed, and keeps the limits of
-// acceleration and jerk. Behind a car that it can follow, its goal does not jump.
+// On an open plane, a target is faster than the camera may be. The camera uses all of its allowed speed, and keeps the
+// limits of acceleration and jerk. Behind a car that it can follow, its goal does not jump.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -34,7 +34,8 @@ TEST_P(Chase, TheCameraIsAsFastAsItMayBehindAFasterTarget) {
     world.step_in(watch, r);
     const glm::dvec3 now_m = world.camera().pose.position_m, now_mps = (now_m - at_m) / kTickS;
     const glm::dvec3 now_mps2 = (now_mps - velocity_mps) / kTickS;
-    EXPECT_LE(glm::distance(now_mps2, acceleration_mps2) / kTickS, world.limits.max_jerk_mps3 * (1 + 1e-4)) << "step " << i;
+    EXPECT_LE(glm::distance(now_mps2, acceleration_mps2) / kTickS, world.limits.max_jerk_mps3 * (1 + 1e-4))
+        << "step " << i;
     at_m = now_m, velocity_mps = now_mps, acceleration_mps2 = now_mps2;
     fastest_mps = std::max(fastest_mps, glm::length(velocity_mps));
   }
@@ -67,8 +68,8 @@ TEST(Chase, ACameraThatSeesItsTargetIsInLessOfAHurryThanOneThatDoesNot) {
   EXPECT_GT(unseen_mps, 1.3 * seen_mps);
 }
 
-// Counts the steps at which the goal moves by more than half a metre beside a car. `drive` moves target 1 for one step and returns where it is. The
-// camera keeps up with the car.
+// Counts the steps at which the goal moves by more than half a metre beside a car. `drive` moves target 1 for one step
+// and returns where it is. The camera keeps up with the car.
 template <typename Drive>
 int jumps_behind_car(OneFilmed& world, int steps, Drive drive) {
   world.limits.max_speed_mps = 40;
@@ -96,7 +97,8 @@ TEST(Chase, AFarTargetIsReachedNearlyAsSoonAsTheLimitsAllow) {
   for (int i = 0; i < 60; ++i) watch.step();
   world.move(1, {0, 1, -100});
   int ticks = 0;
-  while (glm::distance(world.camera().pose.position_m, glm::dvec3(0, 1.8, -94)) > 0.5 && ticks < 3000) watch.step(), ++ticks;
+  while (glm::distance(world.camera().pose.position_m, glm::dvec3(0, 1.8, -94)) > 0.5 && ticks < 3000)
+    watch.step(), ++ticks;
   EXPECT_LT(ticks / 60.0, 1.2 * (80.0 / 10 + 2 * 20.0 / 10));
 }
 

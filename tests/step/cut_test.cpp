@@ -70,7 +70,8 @@ TEST(Cut, ComesAtLeastTwoSecondsAfterTheLast) {
     stage.move(1, {x_m, 1, 0});
     int waited = 0;
     while (stage.play(kTickS) == 0 && waited < 300) ++waited;
-    EXPECT_NEAR(waited * kTickS, x_m == 20 && stage.tick < 200 ? 1.5 : 2.0, 0.1) << "the jump is not forgotten meanwhile";
+    EXPECT_NEAR(waited * kTickS, x_m == 20 && stage.tick < 200 ? 1.5 : 2.0, 0.1)
+        << "the jump is not forgotten meanwhile";
     EXPECT_LT(glm::distance(stage.camera().pose.position_m, glm::dvec3(x_m, 1, 0)), 10.0);
   }
 }
@@ -187,7 +188,8 @@ TEST(Cut, NeverLeadsIntoGeometryAndSeesTheTarget) {
       ASSERT_GE(reference.nearest_surface_m(at_m, 5.0f), stage.limits.body_radius_m - 1e-4) << "tick " << tick;
       if (!result.cut) {
         const glm::dvec3 velocity_mps = (at_m - before.pose.position_m) / kTickS;
-        ASSERT_LE(glm::length(velocity_mps - before.velocity_mps), stage.limits.max_acceleration_mps2 * kTickS * (1 + 1e-6) + 1e-9);
+        ASSERT_LE(glm::length(velocity_mps - before.velocity_mps),
+                  stage.limits.max_acceleration_mps2 * kTickS * (1 + 1e-6) + 1e-9);
       } else {
         ++cuts;
         ClearanceField field;

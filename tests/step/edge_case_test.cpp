@@ -26,7 +26,9 @@ struct OnePerson : PresetWorld {
 
 class EdgeCase : public testing::TestWithParam<Preset> {};
 INSTANTIATE_TEST_SUITE_P(Presets, EdgeCase, testing::Values(Preset::kSightline, Preset::kPaper),
-                         [](const auto& preset) { return std::string(preset.param == Preset::kPaper ? "paper" : "sightline"); });
+                         [](const auto& preset) {
+                           return std::string(preset.param == Preset::kPaper ? "paper" : "sightline");
+                         });
 
 TEST_P(EdgeCase, AllTargetsRemovedHoldsAndComesToRest) {
   OnePerson world(GetParam());
@@ -41,7 +43,8 @@ TEST_P(EdgeCase, AllTargetsRemovedHoldsAndComesToRest) {
   EXPECT_EQ(r.reason, MoveReason::kNoTargets);
   for (int i = 0; i < 120; ++i) r = watch.step();
   EXPECT_LT(glm::length(r.camera.velocity_mps), 1e-3);
-  // The default changes its velocity with a time constant, so the last of it fades slowly; the paper's preset is at rest by now.
+  // The default changes its velocity with a time constant, so the last of it fades slowly; the paper's preset is at
+  // rest by now.
   const int fading_steps = GetParam() == Preset::kPaper ? 0 : 180;
   for (int i = 0; i < fading_steps; ++i) r = watch.step();
   EXPECT_LT(glm::length(r.camera.velocity_mps), 1e-9);
@@ -61,7 +64,8 @@ TEST_P(EdgeCase, WeightToZeroMakesNoPop) {
     longest_m = std::max(longest_m, glm::distance(world.camera().pose.position_m, last));
   }
   EXPECT_LT(longest_m, 0.05) << "it moves gently";
-  EXPECT_LT(glm::distance(world.camera().pose.position_m - glm::dvec3(0, 1, 0), asked), 0.1) << "to the same side and distance of the one that is left";
+  EXPECT_LT(glm::distance(world.camera().pose.position_m - glm::dvec3(0, 1, 0), asked), 0.1)
+      << "to the same side and distance of the one that is left";
 }
 
 // An observer goes from player to player, 5 m apart. Each is shown as the first one was.
@@ -92,7 +96,8 @@ TEST_P(EdgeCase, TargetInsideAnOccluderIsOccludedAndNamed) {
   world.add_box(9, {0, 1, 0}, {2, 2, 2});
   Watch watch(world);
   StepResult r = watch.step();
-  // Candidates of the default preset may lie in the occluder. From there the target is in sight, and the occluder is in the way.
+  // Candidates of the default preset may lie in the occluder. From there the target is in sight, and the occluder is in
+  // the way.
   const auto is_honest = [](const StepResult& result) {
     if (result.status == TrackingStatus::kBlocked) return GetParam() == Preset::kSightline && result.blocked_by == 9u;
     return result.status == TrackingStatus::kLost && result.blocked_by == 0u;
@@ -296,7 +301,8 @@ TEST_P(EdgeCase, AvoidanceToggledWhileDisplacedMakesNoJump) {
   }
 }
 
-// Two boxes that touch: a ray between them slips through in many engines, and so may the camera. The way round is too far.
+// Two boxes that touch: a ray between them slips through in many engines, and so may the camera. The way round is too
+// far.
 TEST_P(EdgeCase, TheBodyDoesNotSlipThroughACrackBetweenColliders) {
   PresetWorld world(GetParam());
   world.add_target(1, {0, 1, -6});
@@ -327,8 +333,7 @@ TEST_P(EdgeCase, AColliderThatComesAtARestingCameraIsEvaded) {
         const glm::dvec3 at = rest + from * (4.0 - speed * i * kTick);
         if (glm::distance(at, glm::dvec3(0, 1, 0)) < 1.5) break;  // not through the target
         world.move(9, at, -speed * from);
-        EXPECT_FALSE(watch.step().flags.body_overlap)
-            << "heading " << heading << " speed " << speed << " step " << i;
+        EXPECT_FALSE(watch.step().flags.body_overlap) << "heading " << heading << " speed " << speed << " step " << i;
       }
     }
   }
@@ -352,8 +357,7 @@ TEST_P(EdgeCase, AspectChangeKeepsThePlaceAndFramesAgain) {
   world.lens.aspect = 0.5;
   StepResult r;
   for (int i = 0; i < 300; ++i) r = watch.step();
-  EXPECT_TRUE(r.targets[0].in_picture && r.targets[1].in_picture)
-      << "backed off until both fit the narrow picture";
+  EXPECT_TRUE(r.targets[0].in_picture && r.targets[1].in_picture) << "backed off until both fit the narrow picture";
 }
 
 TEST_P(EdgeCase, MasksChangedAtRunTimeTakeEffectAtOnce) {

@@ -15,8 +15,7 @@ using test::World;
 class EndlessSampler final : public Sampler {
  public:
   explicit EndlessSampler(std::unique_ptr<Sampler> inner) : inner_(std::move(inner)) {}
-  Status take(const SceneMirror& mirror, std::span<const MapRequest> requests,
-              std::vector<DepthMap>& maps) override {
+  Status take(const SceneMirror& mirror, std::span<const MapRequest> requests, std::vector<DepthMap>& maps) override {
     requests_.assign(requests.begin(), requests.end());
     for (MapRequest& request : requests_) request.far_m = std::numeric_limits<double>::infinity();
     return inner_->take(mirror, requests_, maps);
@@ -29,9 +28,7 @@ class EndlessSampler final : public Sampler {
 
 class EndlessDevice final : public SamplerDevice {
  public:
-  std::unique_ptr<Sampler> make_sampler() override {
-    return std::make_unique<EndlessSampler>(inner_->make_sampler());
-  }
+  std::unique_ptr<Sampler> make_sampler() override { return std::make_unique<EndlessSampler>(inner_->make_sampler()); }
   std::string kind() const override { return inner_->kind(); }
   std::string renderer() const override { return inner_->renderer(); }
   size_t geometry_bytes() const override { return inner_->geometry_bytes(); }
@@ -61,8 +58,7 @@ struct Plaza {
     world.move(1, {1.5 * t, 0.9, 2 * std::sin(t)}, {1.5, 0, 2 * std::cos(t)});
     world.move(2, {1.2 + 1.5 * t, 0.9, 0.3 + 2 * std::sin(t)}, {1.5, 0, 2 * std::cos(t)});
     for (uint64_t id = 10; id < 16; ++id)
-      world.move(id,
-                 {3.0 * static_cast<double>(id) - 38 + 2 * t, 1.5, 4 * std::sin(t + static_cast<double>(id))},
+      world.move(id, {3.0 * static_cast<double>(id) - 38 + 2 * t, 1.5, 4 * std::sin(t + static_cast<double>(id))},
                  {2, 0, 0});
     return world.step(1.0 / 60);
   }

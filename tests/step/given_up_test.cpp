@@ -38,8 +38,8 @@ TEST(GivenUp, AReplySaysWhichWishItBreaks) {
   for (const int count : {low, high_enough, far, near_enough}) EXPECT_GT(count, 10) << "the run shows every case";
 }
 
-// The number of ticks, of 1,500, in which a drone that films a walker is below its least elevation. Roofs hide the walker from there, and would not
-// from below.
+// The number of ticks, of 1,500, in which a drone that films a walker is below its least elevation. Roofs hide the
+// walker from there, and would not from below.
 int ticks_too_low(double least_rad, bool with_roofs) {
   OneFilmed world(glm::dvec3(0, 1, 0) + 9.0 * glm::dvec3(0, std::sin(least_rad + 0.1), std::cos(least_rad + 0.1)));
   world.settings.move.min_elevation_rad = least_rad;

@@ -1,4 +1,5 @@
-// The way to a goal that stands behind a wall: the camera goes round the wall, leg by leg, and never steers straight at it.
+// The way to a goal that stands behind a wall: the camera goes round the wall, leg by leg, and never steers straight at
+// it.
 #include <gtest/gtest.h>
 
 #include "tests/support/filming.h"

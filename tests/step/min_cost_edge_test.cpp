@@ -11,12 +11,12 @@ constexpr double kTick = 1.0 / 60;
 // The occluder does not collide, so only the least distance keeps the lost camera away from the target.
 TEST(MinCostEdge, ALostCameraKeepsItsDistance) {
   OneFilmed world;
-  ASSERT_TRUE(world.mirror.apply(
-      {.base_revision = {}, .remove = {}, .add = {}, .change = {{1, {.collides = false}}}}, {}));
+  ASSERT_TRUE(
+      world.mirror.apply({.base_revision = {}, .remove = {}, .add = {}, .change = {{1, {.collides = false}}}}, {}));
   world.add_box(10, {0, 1, 0}, {0.7, 1.2, 0.7}, {.collides = false});
   world.settings.move.min_distance_m = 2;
-  world.settings.bound.max_horizon_s =
-      world.settings.bound.horizon_s;  // so that no reachable position is inside the box
+  world.settings.bound.max_horizon_s = world.settings.bound
+                                           .horizon_s;  // so that no reachable position is inside the box
   Watch watch(world);
   StepResult r;
   for (int i = 0; i < 300; ++i) {
@@ -97,8 +97,8 @@ TEST(MinCostEdge, WithoutTargetsOrWeightsItComesToRest) {
 TEST(MinCostEdge, ACameraInsideItsTargetLeavesIt) {
   OneFilmed world;
   world.place({0, 1, 0}, {1, 1, 0});
-  ASSERT_TRUE(world.mirror.apply(
-      {.base_revision = {}, .remove = {}, .add = {}, .change = {{1, {.collides = false}}}}, {}));
+  ASSERT_TRUE(
+      world.mirror.apply({.base_revision = {}, .remove = {}, .add = {}, .change = {{1, {.collides = false}}}}, {}));
   Watch watch(world);
   for (int i = 0; i < 300; ++i) watch.step(i % 7 == 3 ? 0.0 : kTick);
   EXPECT_GE(world.distance_m(), 0.9 * world.settings.move.min_distance_m);

@@ -13,7 +13,8 @@ namespace {
 
 constexpr double kTick = 1.0 / 60;
 
-// A corridor 2.4 m wide that turns right and left, under a roof. The target runs round its corners faster than the camera can follow.
+// A corridor 2.4 m wide that turns right and left, under a roof. The target runs round its corners faster than the
+// camera can follow.
 TEST(MinCost, ATargetThatWentRoundACornerIsFoundAgainAlongItsTrail) {
   Filming world;
   world.limits.max_speed_mps = 2.5;
@@ -56,15 +57,16 @@ TEST(MinCost, ATargetBehindAPillarIsFoundByARouteRoundIt) {
   do {
     world.step_in(watch, r);
     const auto& plan = world.stepper.dump().decision.plan_m;
-    StraightWays ways(world.stepper.dump().surroundings.colliders, world.camera().pose.position_m, world.limits.body_radius_m);
+    StraightWays ways(world.stepper.dump().surroundings.colliders, world.camera().pose.position_m,
+                      world.limits.body_radius_m);
     round_about += !plan.empty() && !ways.is_free(plan[plan.size() - 1].position_m);
   } while (r.targets[0].visible_share < 1.0 && ++steps < 300);
   EXPECT_LT(steps, 240) << "within four seconds";
   EXPECT_GT(round_about, 0) << "the straight line was blocked";
 }
 
-// Two targets have walked on behind a wall that the camera touches. Costs are interpolated across the wall, and a plan over it begins in the
-// camera's own cell: neither may keep the camera where it is.
+// Two targets have walked on behind a wall that the camera touches. Costs are interpolated across the wall, and a plan
+// over it begins in the camera's own cell: neither may keep the camera where it is.
 TEST(MinCost, ACameraAtAWallGoesOverItAtOnce) {
   for (const double height_m : {1.3, 1.8, 2.3}) {
     Filming world;
@@ -82,7 +84,8 @@ TEST(MinCost, ACameraAtAWallGoesOverItAtOnce) {
       world.move(2, second += walk * kTick, walk);
       world.step_in(watch, r);
     } while ((r.targets[0].visible_share < 1.0 || r.targets[1].visible_share < 1.0) && ++steps < 300);
-    EXPECT_LT(steps, 45) << height_m << ": at full acceleration, 34 steps take the camera from the lowest place to above the wall";
+    EXPECT_LT(steps, 45) << height_m
+                         << ": at full acceleration, 34 steps take the camera from the lowest place to above the wall";
   }
 }
 
@@ -116,7 +119,8 @@ TEST(MinCost, TheCameraComesBackToTheAskedShotOfAWalkingTarget) {
   constexpr double kMps = 1.4, kPillarsEveryM = 15, kHalfPillarM = 0.35;
   const glm::dvec3 asked_m(0, 0.6, 6);
   OneFilmed world;
-  for (uint64_t i = 1; i <= 3; ++i) world.add_box(10 + i, {kPillarsEveryM * static_cast<double>(i), 2, 3}, {kHalfPillarM, 2, kHalfPillarM});
+  for (uint64_t i = 1; i <= 3; ++i)
+    world.add_box(10 + i, {kPillarsEveryM * static_cast<double>(i), 2, 3}, {kHalfPillarM, 2, kHalfPillarM});
   Watch watch(world);
   StepResult r;
   int elsewhere = 0, returns = 0;
@@ -134,11 +138,13 @@ TEST(MinCost, TheCameraComesBackToTheAskedShotOfAWalkingTarget) {
   EXPECT_LT(elsewhere, 60 * 25);
 }
 
-// Posts hide less of the standing targets than ViewpointSearchSettings::keep_shot_below, so the camera does not chase the gaps between them.
+// Posts hide less of the standing targets than ViewpointSearchSettings::keep_shot_below, so the camera does not chase
+// the gaps between them.
 TEST(MinCost, AShotThatIsHiddenALittleIsKeptWhileTheTargetsStand) {
   OneFilmed world;
   world.add_target(2, {1.2, 1, 0});
-  for (int i = -10; i <= 10; ++i) world.add_box(100 + static_cast<uint64_t>(i + 10), {0.5 * i, 1, 3}, {0.015, 4, 0.015}, {.collides = false});
+  for (int i = -10; i <= 10; ++i)
+    world.add_box(100 + static_cast<uint64_t>(i + 10), {0.5 * i, 1, 3}, {0.015, 4, 0.015}, {.collides = false});
   Watch watch(world);
   StepResult r;
   double way_m = 0, hidden = 0;
@@ -154,7 +160,8 @@ TEST(MinCost, AShotThatIsHiddenALittleIsKeptWhileTheTargetsStand) {
   EXPECT_LT(way_m, 1.0);
 }
 
-// Four stand in a row. A post before the camera hides one of them: a quarter of all, or less. However many others there are, that one is not left behind it.
+// Four stand in a row. A post before the camera hides one of them: a quarter of all, or less. However many others there
+// are, that one is not left behind it.
 TEST(MinCost, OneOfFourWhoStandIsNotLeftBehindAPost) {
   for (const double half_post_m : {0.1, 0.16}) {
     Filming world;
@@ -222,7 +229,8 @@ TEST(MinCost, ACameraInAWoodKeepsToItsCourse) {
   EXPECT_GT(follows, 0);
 }
 
-// A wall comes between the camera and the target within one step. A wall that moves may soon be gone, so it counts little at first.
+// A wall comes between the camera and the target within one step. A wall that moves may soon be gone, so it counts
+// little at first.
 TEST(MinCost, WhatMovesHidesLittleAtFirstAndWhatStaysAllAtOnce) {
   const auto hidden_after = [](bool moves, int steps) {
     OneFilmed world({0, 1, 6});

@@ -44,7 +44,8 @@ Filmed filmed(double rate_hz, double decide_every_s, double duration_s = 12) {
     world.step_in(watch, result, 1 / rate_hz);
     film.decisions += world.decided();
     film.seen += result.targets[0].visible_share / ticks;
-    if (std::floor((i + 1) * 10 / rate_hz) > std::floor(i * 10 / rate_hz)) film.camera_m.push_back(world.camera().pose.position_m);
+    if (std::floor((i + 1) * 10 / rate_hz) > std::floor(i * 10 / rate_hz))
+      film.camera_m.push_back(world.camera().pose.position_m);
   }
   film.maps = static_cast<int>(world.maps_taken());
   return film;
@@ -55,7 +56,8 @@ TEST(Pace, TheNumberOfDecisionsDoesNotGrowWithTheRateOfTheTicks) {
     const double decided_hz = filmed(rate_hz, 0.033, 3).decisions / 3.0;
     EXPECT_NEAR(decided_hz, 1 / 0.033, 1.0) << rate_hz;
   }
-  for (const double rate_hz : {10.0, 20.0, 30.0}) EXPECT_EQ(filmed(rate_hz, 0.033, 3).decisions, static_cast<int>(3 * rate_hz)) << "slow ticks all decide";
+  for (const double rate_hz : {10.0, 20.0, 30.0})
+    EXPECT_EQ(filmed(rate_hz, 0.033, 3).decisions, static_cast<int>(3 * rate_hz)) << "slow ticks all decide";
   EXPECT_EQ(filmed(144, 0.0, 3).decisions, 3 * 144);
 }
 
@@ -65,7 +67,8 @@ TEST(Pace, TheCameraGoesMuchAsIfEveryTickDecided) {
     const Filmed paced = filmed(rate_hz, 0.033);
     double apart_m = 0;
     const size_t count = std::min(every.camera_m.size(), paced.camera_m.size());
-    for (size_t i = 0; i < count; ++i) apart_m += glm::distance(every.camera_m[i], paced.camera_m[i]) / static_cast<double>(count);
+    for (size_t i = 0; i < count; ++i)
+      apart_m += glm::distance(every.camera_m[i], paced.camera_m[i]) / static_cast<double>(count);
     EXPECT_LT(apart_m, 1.0) << rate_hz;
     EXPECT_GT(paced.seen, every.seen - 0.03) << rate_hz;
   }
@@ -82,7 +85,8 @@ TEST(Pace, EveryReplyTellsWhatIsSeenFromItsOwnPose) {
     world.step_in(watch, result);
     if (world.decided()) continue;
     ++between;
-    EXPECT_GT(result.targets[0].occlusions.size() + static_cast<size_t>(result.targets[0].visible_share == 1.0), 0u) << i;
+    EXPECT_GT(result.targets[0].occlusions.size() + static_cast<size_t>(result.targets[0].visible_share == 1.0), 0u)
+        << i;
     partly += result.targets[0].visible_share < 1;
     EXPECT_TRUE(world.dump().sights.candidates.position_m.size() == 0);
     EXPECT_GT(world.counts().total, 100u) << "of the last decision";
@@ -101,9 +105,18 @@ TEST(Pace, WhatADecisionCouldNotKnowIsDecidedAtOnce) {
          world.add_target(2, {-2, 1, 0});
        }},
       {"no target", [](Walk& world) { world.targets.clear(); }},
-      {"a jump", [](Walk& world) { world.move(1, {-3, 1, 40}); }},
-      {"the camera elsewhere", [](Walk& world) { world.stepper.observe_camera({.pose = Pose{{3, 2, 9}, glm::dquat(1, 0, 0, 0)}}); }},
-      {"a cut", [](Walk& world) { world.place({3, 2, 9}, {-3, 1, 0}); }},
+      {"a jump",
+       [](Walk& world) {
+         world.move(1, {-3, 1, 40});
+       }},
+      {"the camera elsewhere",
+       [](Walk& world) {
+         world.stepper.observe_camera({.pose = Pose{{3, 2, 9}, glm::dquat(1, 0, 0, 0)}});
+       }},
+      {"a cut",
+       [](Walk& world) {
+         world.place({3, 2, 9}, {-3, 1, 0});
+       }},
   };
   for (const auto& [name, cause] : causes) {
     Walk world(0.2);

@@ -77,12 +77,13 @@ TEST(Paper, RobustMoveGoesToWhereBothAreSeen) {
     play(world, 10);
     const StepResult result = world.step(kTick);
     EXPECT_EQ(result.volume, Volume::kPair);
-    EXPECT_TRUE(std::all_of(result.targets.begin(), result.targets.end(), [](const auto& t) { return t.visible_share == 1.0; }));
+    EXPECT_TRUE(std::all_of(result.targets.begin(), result.targets.end(),
+                            [](const auto& t) { return t.visible_share == 1.0; }));
   }
 }
 
-// A post hides the targets from a strip in the middle of the bound, so what sees them is a U around it, whose centre is nearer to the strip than its
-// deepest member.
+// A post hides the targets from a strip in the middle of the bound, so what sees them is a U around it, whose centre is
+// nearer to the strip than its deepest member.
 TEST(Paper, ThePrintedCentreIsTheMeanOfTheGroup) {
   OpenPlane world;
   world.settings.aggregate.filter.mode = FilterMode::kNone;
@@ -107,7 +108,8 @@ TEST(Paper, ThePrintedCentreIsTheMeanOfTheGroup) {
   EXPECT_GT(glm::dot(glm::normalize(wanted), glm::normalize(sum_m / count - before_m)), 0.9) << "towards the mean";
 }
 
-// With pair volumes the filter works over the pair volumes of the last steps. A post that passes in three of ten steps changes nothing.
+// With pair volumes the filter works over the pair volumes of the last steps. A post that passes in three of ten steps
+// changes nothing.
 TEST(Paper, TheFilterOverPairVolumesIgnoresWhatPassesQuickly) {
   const auto farthest_m = [](FilterMode mode) {
     OpenPlane world;
@@ -131,8 +133,10 @@ TEST(Paper, TheFilterOverPairVolumesIgnoresWhatPassesQuickly) {
 TEST(Paper, WhatNeedsCellsThatStayUsesTheLatticeAndSaysSo) {
   for (const bool by_filter : {false, true}) {
     OpenPlane world;
-    if (by_filter) world.settings.aggregate.filter.mode = FilterMode::kPerTarget;
-    else world.settings.move.strategy = Strategy::kMinCost;
+    if (by_filter)
+      world.settings.aggregate.filter.mode = FilterMode::kPerTarget;
+    else
+      world.settings.move.strategy = Strategy::kMinCost;
     const StepResult result = world.step(kTick);
     EXPECT_EQ(result.volume, Volume::kLattice);
     EXPECT_TRUE(result.pair_asked && result.pair_needs_lattice);
@@ -145,7 +149,8 @@ TEST(Paper, DensityGivesTheResolution) {
   world.settings.sample.resolution = 20;
   world.step(kTick);
   EXPECT_EQ(world.dump().plan.views.front().width, 20);
-  const double radius_m = world.dump().bound.radius_m, volume_m3 = 4.0 / 3 * 3.141592653589793 * radius_m * radius_m * radius_m;
+  const double radius_m = world.dump().bound.radius_m,
+               volume_m3 = 4.0 / 3 * 3.141592653589793 * radius_m * radius_m * radius_m;
   for (const int wanted : {2, 5, 9, 20}) {
     OpenPlane dense;
     dense.settings.sample.resolution = 20;

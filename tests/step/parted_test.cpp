@@ -59,16 +59,19 @@ TEST(Parted, TheHeavierIsKeptThenTheRequiredOne) {
   };
   for (const Case& c : {Case{{true, 2}, {true, 1}, 0}, Case{{true, 1}, {true, 1.5}, 1}, Case{{false, 3}, {true, 1}, 1},
                         Case{{true, 1}, {false, 3}, 0}, Case{{false, 1}, {false, 3}, 1}}) {
-    SCOPED_TRACE(testing::Message() << c.left.required << ' ' << c.left.weight << ", " << c.right.required << ' ' << c.right.weight);
+    SCOPED_TRACE(testing::Message() << c.left.required << ' ' << c.left.weight << ", " << c.right.required << ' '
+                                    << c.right.weight);
     Parting world(c.left, c.right);
     StepResult r;
     for (int i = 0; i < 60 * 16; ++i) r = world.walk(4, 4);
     for (int i = 0; i < 60 * 4; ++i) r = world.walk(0, 0);
     expect_shown_alone(r, c.kept);
-    const bool other_is_required = (c.kept == 0 ? c.right : c.left).required || !(c.kept == 0 ? c.left : c.right).required;
+    const bool other_is_required = (c.kept == 0 ? c.right : c.left).required ||
+                                   !(c.kept == 0 ? c.left : c.right).required;
     EXPECT_EQ(r.status, other_is_required ? TrackingStatus::kPartialView : TrackingStatus::kTracking);
     EXPECT_FALSE(world.ever_gave_up[c.kept]);
-    EXPECT_LE(world.changes, 3) << "the other one is given up, perhaps shown from in line for a while, and given up again";
+    EXPECT_LE(world.changes, 3)
+        << "the other one is given up, perhaps shown from in line for a while, and given up again";
   }
 }
 
@@ -173,8 +176,8 @@ TEST(Parted, OnePersonIsInThePictureWhileTheyPartAndMeet) {
   }
 }
 
-// Two people leave a room without a roof, one by the door in the east, then the other by the door in the south. From between the doors both are in
-// sight, but no picture holds both.
+// Two people leave a room without a roof, one by the door in the east, then the other by the door in the south. From
+// between the doors both are in sight, but no picture holds both.
 struct TwoDoors : Filming {
   static constexpr double kRoomM = 8, kHalfWallM = 2, kHalfDoorM = 0.8, kHalfLintelM = 0.7, kMps = 1.6, kBehindS = 1.2;
   TwoDoors() {
@@ -266,7 +269,8 @@ TEST(Parted, ThoseThatStayTogetherAreKept) {
   EXPECT_EQ(r.status, TrackingStatus::kPartialView);
 }
 
-// They stand beside the picture from the start, and a part of somebody could be shown by turning. The limits allow the turn within a third of a second.
+// They stand beside the picture from the start, and a part of somebody could be shown by turning. The limits allow the
+// turn within a third of a second.
 TEST(Parted, SomebodyBesideThePictureIsShownByTurning) {
   for (const double apart_m : {10.0, 20.0, 30.0})
     for (const double away_m : {4.0, 6.0, 8.0}) {

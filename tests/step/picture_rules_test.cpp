@@ -15,7 +15,9 @@ constexpr double kPi = std::numbers::pi, kTick = 1.0 / 60;
 struct Shown : ShotFilmed {
   using ShotFilmed::ShotFilmed;
 
-  glm::dvec2 in_picture_of(const glm::dvec3& point_m, const StepResult& result) const { return in_halves(point_m, result.vertical_fov_rad); }
+  glm::dvec2 in_picture_of(const glm::dvec3& point_m, const StepResult& result) const {
+    return in_halves(point_m, result.vertical_fov_rad);
+  }
   StepResult film(Watch& watch, int ticks) {
     StepResult result;
     for (int i = 0; i < ticks; ++i) step_in(watch, result);
@@ -66,7 +68,8 @@ TEST(PictureRules, ARollLeansThePictureGentlyAndTheBodiesStayInIt) {
   EXPECT_NEAR(horizon_rad(world.camera().pose), 0.0, 0.005);
 }
 
-// Runs to and fro across the picture at 3 m/s, and stands in the end. Returns the mean place in the picture while running to the right, to the left, and standing.
+// Runs to and fro across the picture at 3 m/s, and stands in the end. Returns the mean place in the picture while
+// running to the right, to the left, and standing.
 std::array<double, 3> places_of_a_runner(const AskedShot& shot) {
   Shown world({0, 1.8, 9});
   world.ask(shot);
@@ -109,7 +112,8 @@ TEST(PictureRules, LeadRoomByHeadingLeavesRoomWhereAPersonLooks) {
     world.ask(talking);
     Watch watch(world);
     const StepResult result = world.film(watch, 300);
-    EXPECT_NEAR(world.in_picture_of({0, 1, 0}, result).x, -side * 0.3, 0.08) << "faces " << (side > 0 ? "right" : "left");
+    EXPECT_NEAR(world.in_picture_of({0, 1, 0}, result).x, -side * 0.3, 0.08)
+        << "faces " << (side > 0 ? "right" : "left");
   }
 }
 
@@ -129,7 +133,8 @@ TEST(PictureRules, FromBehindNoRoomIsLeft) {
   EXPECT_NEAR(world.in_picture_of({0, 1, z_m}, result).x, 0, 0.06);
 }
 
-// Steps to and fro by 0.8 m every 2 s, before a camera that stays where it is. Returns how far the camera turns in all, in halves of the picture.
+// Steps to and fro by 0.8 m every 2 s, before a camera that stays where it is. Returns how far the camera turns in all,
+// in halves of the picture.
 double turns_before_a_nervous_person(const std::optional<glm::dvec2>& dead_zone) {
   Shown world({0, 1.8, 7});
   world.limits.max_speed_mps = 1e-6;
@@ -170,7 +175,8 @@ TEST(PictureRules, ADeadZoneCutsNobodyOff) {
   }
 }
 
-// A runner who starts at 6 m/s across the picture before a camera that stays where it is. Returns the greatest distance from the middle, in halves of the picture.
+// A runner who starts at 6 m/s across the picture before a camera that stays where it is. Returns the greatest distance
+// from the middle, in halves of the picture.
 double farthest_off(double soft_zone) {
   Shown world({0, 1.8, 12});
   world.limits.max_speed_mps = 1e-6;

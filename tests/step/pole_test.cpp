@@ -11,7 +11,8 @@ namespace {
 
 class Pole : public testing::TestWithParam<Preset> {};
 
-// A target that flies straight through a point near the camera's axis of yaw, above or below the camera, again and again.
+// A target that flies straight through a point near the camera's axis of yaw, above or below the camera, again and
+// again.
 struct Pass {
   glm::dvec3 from_m, velocity_mps;
   double left_s = 0;
@@ -69,7 +70,8 @@ TEST_P(Pole, ACameraPutStraightDownAndStraightUpStaysUpright) {
     World world;
     world.settings = preset_settings(GetParam());
     world.add_target(1, {0, height, 0});
-    world.stepper.place_camera({{0, 0, 0}, rotation_from_angles({0.4, std::copysign(1.5707963267948966, height), 0})}, {});
+    world.stepper.place_camera({{0, 0, 0}, rotation_from_angles({0.4, std::copysign(1.5707963267948966, height), 0})},
+                               {});
     Watch watch(world);
     for (int i = 0; i < 120; ++i) {
       world.move(1, {0.02 * i, height, 0.01 * i}, {1.2, 0, 0.6});
@@ -78,8 +80,9 @@ TEST_P(Pole, ACameraPutStraightDownAndStraightUpStaysUpright) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Presets, Pole, testing::Values(Preset::kSightline, Preset::kPaper),
-                         [](const auto& preset) { return std::string(preset.param == Preset::kPaper ? "paper" : "sightline"); });
+INSTANTIATE_TEST_SUITE_P(Presets, Pole, testing::Values(Preset::kSightline, Preset::kPaper), [](const auto& preset) {
+  return std::string(preset.param == Preset::kPaper ? "paper" : "sightline");
+});
 
 }  // namespace
 }  // namespace sightline::test

@@ -125,8 +125,8 @@ auto seen(const SessionAnswer& answer) {
   std::vector<double> shares;
   for (const TargetSight& target : answer.step.targets)
     shares.insert(shares.end(), {target.visible_share, target.filtered_share, target.distance_m});
-  return std::tuple(p.x, p.y, p.z, v.x, v.y, v.z, q.x, q.y, q.z, q.w, answer.step.status,
-                    answer.step.chosen_candidate, shares, answer.hash);
+  return std::tuple(p.x, p.y, p.z, v.x, v.y, v.z, q.x, q.y, q.z, q.w, answer.step.status, answer.step.chosen_candidate,
+                    shares, answer.hash);
 }
 
 TEST_F(QualityOfSteps, ALevelIsTheSameAsTheSettingsThatItMakes) {

@@ -10,7 +10,8 @@
 namespace sightline::test {
 namespace {
 
-// A thick wall without end stands between the two; the camera can fly through it. It starts where it sees the optional one alone.
+// A thick wall without end stands between the two; the camera can fly through it. It starts where it sees the optional
+// one alone.
 struct Parted : Filming {
   Parted(double required_weight, double optional_weight) {
     add_target(1, {-2, 1, 0}, true, required_weight);

@@ -24,9 +24,7 @@ struct Still : World {
     const glm::vec3 half((right - left) / 2, 3.0, 0.001);
     add_box(id, {(left + right) / 2, 1, z}, half, {.collides = false});
   }
-  void remove(uint64_t id) {
-    mirror.apply({.base_revision = {}, .remove = {id}, .add = {}, .change = {}}, {});
-  }
+  void remove(uint64_t id) { mirror.apply({.base_revision = {}, .remove = {id}, .add = {}, .change = {}}, {}); }
   TargetSight look(double dt_s = kTick) { return step(dt_s).targets[0]; }
 };
 

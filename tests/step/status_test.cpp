@@ -1,4 +1,5 @@
-// The status of a step and its flags: they say what is so, by plain recomputation from the scene and from what happens next.
+// The status of a step and its flags: they say what is so, by plain recomputation from the scene and from what happens
+// next.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -25,7 +26,8 @@ bool crosses(const glm::dvec3& from, const glm::dvec3& to, const Box& box) {
   double first = 0, last = 1;
   for (int axis = 0; axis < 3; ++axis) {
     const double way = to[axis] - from[axis];
-    double a = (box.at[axis] - box.half[axis] - from[axis]) / way, b = (box.at[axis] + box.half[axis] - from[axis]) / way;
+    double a = (box.at[axis] - box.half[axis] - from[axis]) / way,
+           b = (box.at[axis] + box.half[axis] - from[axis]) / way;
     if (a > b) std::swap(a, b);
     first = std::max(first, a), last = std::min(last, b);
   }
@@ -89,7 +91,8 @@ TEST(Status, SaysWhatTheSharesOfTheReplySay) {
     EXPECT_EQ(r.status == TrackingStatus::kPartialView, !all_required && any_part) << i;
     EXPECT_EQ(r.view_s.has_value(), r.status == TrackingStatus::kSeeking) << i;
     if (r.status == TrackingStatus::kTracking) {
-      // The filtered share lags by a few hundredths of a second, so a target that was hidden just now may still count as seen.
+      // The filtered share lags by a few hundredths of a second, so a target that was hidden just now may still count
+      // as seen.
       const double share = std::max(true_share(world.at[0], r.camera.pose.position_m, world.boxes),
                                     true_share(world.at[1], r.camera.pose.position_m, world.boxes));
       EXPECT_GT(share, 0.0) << i << ": tracking, but nobody is in sight";

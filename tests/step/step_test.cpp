@@ -104,10 +104,9 @@ TEST_P(StepTargets, AnyNumberOfTargetsIsSteeredFor) {
   for (int i = 0; i < 120; ++i) result = world.step(kTick);
   ASSERT_EQ(result.targets.size(), static_cast<size_t>(n));
   EXPECT_EQ(world.counts().visible_by_target.size(), static_cast<size_t>(n));
-  EXPECT_EQ(world.counts().total, world.counts().all_visible + world.counts().some_visible +
-                                           world.counts().none_visible);
-  EXPECT_TRUE(
-      std::all_of(result.targets.begin(), result.targets.end(), [](const auto& t) { return t.in_picture; }));
+  EXPECT_EQ(world.counts().total,
+            world.counts().all_visible + world.counts().some_visible + world.counts().none_visible);
+  EXPECT_TRUE(std::all_of(result.targets.begin(), result.targets.end(), [](const auto& t) { return t.in_picture; }));
 }
 INSTANTIATE_TEST_SUITE_P(Counts, StepTargets, testing::Values(1, 2, 3, 8, 32));
 
@@ -428,8 +427,7 @@ TEST(Step, PredictionMovesBeforeTheTargetIsHidden) {
     world.settings.move.prediction_s = prediction_s;
     world.settings.sample.resolution = 15;
     world.add_target(1, {-4, 1, 0});
-    for (uint64_t k = 0; k < 3; ++k)
-      world.add_box(10 + k, {-2.0 + 2.5 * k, 1, 2}, {0.4, 3, 0.4}, {.collides = false});
+    for (uint64_t k = 0; k < 3; ++k) world.add_box(10 + k, {-2.0 + 2.5 * k, 1, 2}, {0.4, 3, 0.4}, {.collides = false});
     world.place({-4, 1.2, 6}, {-4, 1, 0});
     int hidden = 0;
     for (int i = 0; i < 240; ++i) {

@@ -19,15 +19,16 @@ Positions corner() {
 }
 
 void expect_away(const glm::dvec3& position_m, const glm::dvec3& away_m) {
-  EXPECT_LT(glm::distance(away_from(corner(), position_m), away_m), 1e-12) << position_m.x << " " << position_m.y << " " << position_m.z;
+  EXPECT_LT(glm::distance(away_from(corner(), position_m), away_m), 1e-12)
+      << position_m.x << " " << position_m.y << " " << position_m.z;
 }
 
 TEST(SuggestedPath, TheNearestPointMayLieOnEveryPartOfTheTrack) {
-  expect_away({1, -2, 0}, {0, -2, 0});    // beside the first part
-  expect_away({5, 1, 0}, {1, 0, 0});      // beside the second one
-  expect_away({-3, 0, 1}, {-3, 0, 1});    // before the start
-  expect_away({4, 6, 0}, {0, 2, 0});      // beyond the end
-  expect_away({5, -1, 0}, {1, -1, 0});    // at the corner
+  expect_away({1, -2, 0}, {0, -2, 0});     // beside the first part
+  expect_away({5, 1, 0}, {1, 0, 0});       // beside the second one
+  expect_away({-3, 0, 1}, {-3, 0, 1});     // before the start
+  expect_away({4, 6, 0}, {0, 2, 0});       // beyond the end
+  expect_away({5, -1, 0}, {1, -1, 0});     // at the corner
   expect_away({3.5, 1, 0}, {-0.5, 0, 0});  // nearer to the second than to the first
 }
 
@@ -83,7 +84,8 @@ TEST(SuggestedPath, TheNearestRotationMayLieBetweenAnyTwo) {
   track.start(about_y(0.0));
   track.pass(about_y(0.6), kTickS);
   track.pass(about_y(1.2), kTickS);
-  for (const double angle_rad : {0.0, 0.25, 0.6, 0.95, 1.2}) EXPECT_NEAR(angle_from(track, about_y(angle_rad)), 0.0, 1e-7) << angle_rad;
+  for (const double angle_rad : {0.0, 0.25, 0.6, 0.95, 1.2})
+    EXPECT_NEAR(angle_from(track, about_y(angle_rad)), 0.0, 1e-7) << angle_rad;
   EXPECT_NEAR(angle_from(track, about_y(1.5)), 0.3, 1e-7);
   EXPECT_NEAR(angle_from(track, about_y(-0.2)), 0.2, 1e-7);
   EXPECT_NEAR(angle_from(track, about_y(0.3) * about_x(0.1)), 0.1, 2e-3);

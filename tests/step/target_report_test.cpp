@@ -49,7 +49,8 @@ TEST(Occlusions, AreThoseThatHideEachSampledPointFirst) {
     std::vector<Board> boards;
     for (uint64_t id = 10; id < 10 + static_cast<uint64_t>(trial % 7); ++id) {
       const glm::dvec2 low(random.next_in(-0.4, 0.2), random.next_in(0.0, 1.4));
-      boards.push_back({id, low, low + glm::dvec2(random.next_in(0.1, 0.5), random.next_in(0.2, 1.0)), random.next_in(1, 5)});
+      boards.push_back(
+          {id, low, low + glm::dvec2(random.next_in(0.1, 0.5), random.next_in(0.2, 1.0)), random.next_in(1, 5)});
       const glm::dvec2 middle = (boards.back().low + boards.back().high) / 2.0, half = boards.back().high - middle;
       world.add_box(id, {middle.x, middle.y, boards.back().z}, {half.x, half.y, 1e-4}, {.collides = false});
     }

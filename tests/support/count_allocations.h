@@ -1,5 +1,5 @@
-// Counts the allocations of a test program by operator new. It replaces the global operators: include it in one source file of a
-// program only.
+// Counts the allocations of a test program by operator new. It replaces the global operators: include it in one source
+// file of a program only.
 #pragma once
 
 #include <atomic>

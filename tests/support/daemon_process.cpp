@@ -16,7 +16,8 @@ namespace sightline::test {
 DaemonProcess::DaemonProcess(std::vector<std::string> flags) {
   const std::string ready_file = folder_ / "ready";
   std::vector<std::string> arguments{SIGHTLINED_PATH, "--ready-file", ready_file, "--log-level", "warning"};
-  if (std::find(flags.begin(), flags.end(), "--listen") == flags.end()) arguments.insert(arguments.end(), {"--listen", "127.0.0.1:0"});
+  if (std::find(flags.begin(), flags.end(), "--listen") == flags.end())
+    arguments.insert(arguments.end(), {"--listen", "127.0.0.1:0"});
   arguments.insert(arguments.end(), flags.begin(), flags.end());
   std::vector<char*> argv;
   for (std::string& argument : arguments) argv.push_back(argument.data());

@@ -12,8 +12,8 @@ namespace sightline::test {
 
 class DaemonProcess {
  public:
-  // Starts sightlined with `flags`, on a free loopback port unless they say where it listens, and waits until it reports that it is
-  // ready. If the daemon does not start, the test fails and address() is empty.
+  // Starts sightlined with `flags`, on a free loopback port unless they say where it listens, and waits until it
+  // reports that it is ready. If the daemon does not start, the test fails and address() is empty.
   explicit DaemonProcess(std::vector<std::string> flags = {"--sampler", "embree"});
   ~DaemonProcess();
   DaemonProcess(const DaemonProcess&) = delete;

@@ -42,7 +42,8 @@ struct ShotFilmed : OneFilmed {
     shot = std::move(asked);
     shot.number = ++sent;
   }
-  // The place of a point in a picture with this field of view, along its edges: right and up, in halves of the picture. Default: the lens without a zoom.
+  // The place of a point in a picture with this field of view, along its edges: right and up, in halves of the picture.
+  // Default: the lens without a zoom.
   glm::dvec2 in_halves(const glm::dvec3& point_m, double vertical_fov_rad) const {
     const glm::dvec3 p = inverse_transform_point(camera().pose, point_m);
     return glm::dvec2(p.x / lens.aspect, p.y) / (-p.z * std::tan(vertical_fov_rad / 2));

@@ -68,14 +68,14 @@ int GlbBuilder::triangle_node() {
   return mesh_node({{"attributes", {{"POSITION", floats({0, 0, 0, 1, 0, 0, 0, 1, 0})}}}});
 }
 
-int GlbBuilder::animation(int node, const char* path, const char* interpolation,
-                          const std::vector<float>& times, const std::vector<float>& values) {
+int GlbBuilder::animation(int node, const char* path, const char* interpolation, const std::vector<float>& times,
+                          const std::vector<float>& values) {
   const int input = floats(times, "SCALAR");
   const int output = floats(values, std::string(path) == "rotation" ? "VEC4" : "VEC3");
   nlohmann::json sampler = {{"input", input}, {"output", output}, {"interpolation", interpolation}};
   nlohmann::json channel = {{"sampler", 0}, {"target", {{"node", node}, {"path", path}}}};
-  return add("animations", {{"samplers", nlohmann::json::array({sampler})},
-                            {"channels", nlohmann::json::array({channel})}});
+  return add("animations",
+             {{"samplers", nlohmann::json::array({sampler})}, {"channels", nlohmann::json::array({channel})}});
 }
 
 size_t GlbBuilder::components_of(const char* type) {

@@ -19,16 +19,12 @@ class GlbBuilder {
   // Each function returns the index of what it added.
   int view(std::span<const std::byte> bytes, int stride = 0);
   template <typename T>
-  int accessor(const std::vector<T>& values, const char* type, ComponentType component,
-               bool normalized = false) {
-    return accessor_over(view(std::as_bytes(std::span(values))), values.size() / components_of(type), type,
-                         component, normalized);
+  int accessor(const std::vector<T>& values, const char* type, ComponentType component, bool normalized = false) {
+    return accessor_over(view(std::as_bytes(std::span(values))), values.size() / components_of(type), type, component,
+                         normalized);
   }
-  int accessor_over(int buffer_view, size_t count, const char* type, ComponentType component,
-                    bool normalized = false);
-  int floats(const std::vector<float>& values, const char* type = "VEC3") {
-    return accessor(values, type, kFloat);
-  }
+  int accessor_over(int buffer_view, size_t count, const char* type, ComponentType component, bool normalized = false);
+  int floats(const std::vector<float>& values, const char* type = "VEC3") { return accessor(values, type, kFloat); }
   int add(const char* collection, nlohmann::json item);
   // A mesh of one primitive, and a root node that shows it.
   int mesh_node(nlohmann::json primitive);

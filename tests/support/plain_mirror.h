@@ -1,5 +1,5 @@
-// A second, plain mirror of a scene, for comparison: a map of records without slots, caches or increments. It follows the rules of
-// server/scene/mirror.h. It shares no code with it but the algebra library and XXH3.
+// A second, plain mirror of a scene, for comparison: a map of records without slots, caches or increments. It follows
+// the rules of server/scene/mirror.h. It shares no code with it but the algebra library and XXH3.
 #pragma once
 
 #include <xxhash.h>
@@ -43,14 +43,17 @@ class PlainMirror {
       if (next.erase(id) == 0) return false;
     for (const sightline::NewInstance& added : delta.add) {
       const bool own_id = added.id != 0 && (added.id >> 63 == 0 || delta.asset_ids_allowed);
-      if (!own_id || !added.geometry || !is_pose(added.pose) || !is_linear(added.linear) || !is_share(added.attributes.opacity)) return false;
+      if (!own_id || !added.geometry || !is_pose(added.pose) || !is_linear(added.linear) ||
+          !is_share(added.attributes.opacity))
+        return false;
       if (!next.emplace(added.id, added).second) return false;
       next[added.id].pose.rotation = glm::normalize(added.pose.rotation);
     }
     std::set<uint64_t> changed;
     for (const AttributeChange& change : delta.change) {
       const auto record = next.find(change.id);
-      if (record == next.end() || !changed.insert(change.id).second || !is_share(change.attributes.opacity)) return false;
+      if (record == next.end() || !changed.insert(change.id).second || !is_share(change.attributes.opacity))
+        return false;
       record->second.attributes = change.attributes;
     }
     return next.size() <= 1'000'000;
@@ -58,11 +61,14 @@ class PlainMirror {
 
   static bool move(const TransformUpdate& transforms, Records& next) {
     const size_t count = transforms.ids.size();
-    if (transforms.poses.size() != count || (!transforms.velocities_mps.empty() && transforms.velocities_mps.size() != count)) return false;
+    if (transforms.poses.size() != count ||
+        (!transforms.velocities_mps.empty() && transforms.velocities_mps.size() != count))
+      return false;
     std::set<uint64_t> moved;
     for (size_t i = 0; i < count; ++i) {
       const auto record = next.find(transforms.ids[i]);
-      if (record == next.end() || !moved.insert(transforms.ids[i]).second || !is_pose(transforms.poses[i])) return false;
+      if (record == next.end() || !moved.insert(transforms.ids[i]).second || !is_pose(transforms.poses[i]))
+        return false;
       record->second.pose = {transforms.poses[i].position_m, glm::normalize(transforms.poses[i].rotation)};
     }
     for (const glm::dvec3& velocity : transforms.velocities_mps)

@@ -1,5 +1,5 @@
-// A person of eleven capsules on bones, as a game that animates a character has them: the hips, the chest, the head and two capsules
-// for each limb. Plain data, which knows nothing of instances.
+// A person of eleven capsules on bones, as a game that animates a character has them: the hips, the chest, the head and
+// two capsules for each limb. Plain data, which knows nothing of instances.
 #pragma once
 
 #include <array>
@@ -22,8 +22,9 @@ struct Bone {
     const glm::dvec3 along = glm::normalize(to_m - from_m), up(0, 1, 0);
     const glm::dvec3 axis = glm::cross(up, along);
     const double sine = glm::length(axis);
-    const glm::dquat turn = sine > 1e-9 ? glm::angleAxis(std::atan2(sine, along.y), axis / sine)
-                                        : along.y > 0 ? glm::dquat(1, 0, 0, 0) : glm::dquat(0, 1, 0, 0);
+    const glm::dquat turn = sine > 1e-9   ? glm::angleAxis(std::atan2(sine, along.y), axis / sine)
+                            : along.y > 0 ? glm::dquat(1, 0, 0, 0)
+                                          : glm::dquat(0, 1, 0, 0);
     return {(from_m + to_m) / 2.0, turn};
   }
 };
@@ -32,7 +33,8 @@ inline constexpr size_t kBones = 11;  // 0: the hips
 inline constexpr size_t kForearms[] = {4, 6};
 using Puppet = std::array<Bone, kBones>;
 
-// The directions of the limbs, unit vectors from the body outwards: upper arm, forearm, thigh, shin, of the left and the right side.
+// The directions of the limbs, unit vectors from the body outwards: upper arm, forearm, thigh, shin, of the left and
+// the right side.
 struct Stance {
   std::array<glm::dvec3, 2> upper_arm, forearm, thigh, shin;
 };
@@ -46,7 +48,8 @@ inline Stance standing() {
 inline Stance any_stance(CounterRandom& random) {
   Stance stance;
   const auto around = [&](const glm::dvec3& middle, double spread) {
-    const double x = random.next_in(-spread, spread), y = random.next_in(-spread, spread), z = random.next_in(-spread, spread);
+    const double x = random.next_in(-spread, spread), y = random.next_in(-spread, spread),
+                 z = random.next_in(-spread, spread);
     return glm::normalize(middle + glm::dvec3(x, y, z));
   };
   for (int side = 0; side < 2; ++side) {
@@ -65,7 +68,8 @@ inline Puppet puppet_at(const glm::dvec3& hips_m, double yaw_rad, const Stance& 
   puppet[2] = {{0, 0.67, 0}, {0, 0.73, 0}, 0.1};
   for (size_t side = 0; side < 2; ++side) {
     const double out = side == 0 ? -1 : 1;
-    const auto limb = [&](size_t first, const glm::dvec3& root, const glm::dvec3& upper, const glm::dvec3& lower, double length, double radius) {
+    const auto limb = [&](size_t first, const glm::dvec3& root, const glm::dvec3& upper, const glm::dvec3& lower,
+                          double length, double radius) {
       const glm::dvec3 joint = root + length * upper;
       puppet[first] = {root, joint, radius}, puppet[first + 1] = {joint, joint + length * lower, 0.8 * radius};
     };

@@ -28,8 +28,7 @@ class RoundMaps {
 
   void fill_at_random(CounterRandom& random, double nearest_m, double farthest_m) {
     for (DepthMap& map : maps)
-      for (float& distance : map.distance_m)
-        distance = static_cast<float>(random.next_in(nearest_m, farthest_m));
+      for (float& distance : map.distance_m) distance = static_cast<float>(random.next_in(nearest_m, farthest_m));
   }
 
   // The texel that shows a position, found by the largest of the three coordinates without the view's projection.
@@ -49,7 +48,8 @@ class RoundMaps {
         return std::min(static_cast<int>((v / depth + 1) / 2 * map.view.width), map.view.width - 1);
       };
       const auto middle = [&](int k) { return 2 * (k + 0.5) / map.view.width - 1; };
-      return {&map, static_cast<size_t>(at(y) * map.view.width + at(x)), depth, std::hypot(1.0, middle(at(x)), middle(at(y)))};
+      return {&map, static_cast<size_t>(at(y) * map.view.width + at(x)), depth,
+              std::hypot(1.0, middle(at(x)), middle(at(y)))};
     }
     return {};
   }
@@ -61,7 +61,8 @@ class RoundMaps {
   void hide(const glm::dvec3& place_m, double before_m) {
     const Texel at = texel(place_m);
     const double share = 1 - before_m / glm::distance(place_m, maps[0].view.eye_m);
-    maps[static_cast<size_t>(at.map - maps.data())].distance_m[at.index] = static_cast<float>(share * at.place_depth_m * at.ray_length);
+    maps[static_cast<size_t>(at.map - maps.data())].distance_m[at.index] = static_cast<float>(share * at.place_depth_m *
+                                                                                              at.ray_length);
   }
   uint32_t occluder(const glm::dvec3& place_m) const {
     const Texel at = texel(place_m);

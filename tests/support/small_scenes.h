@@ -43,7 +43,8 @@ class SmallScene {
     builder_.add_occluder(name, mesh, motion, {});
     return *this;
   }
-  // Walls and a ceiling 3 m high round the middle, 4 x 4 m inside; the wall towards +z has a doorway 1.5 m wide if asked for.
+  // Walls and a ceiling 3 m high round the middle, 4 x 4 m inside; the wall towards +z has a doorway 1.5 m wide if
+  // asked for.
   SmallScene& closed_box(bool doorway) {
     box("west", {0.25, 3, 4.5}, {-2.125, 0, 0}).box("east", {0.25, 3, 4.5}, {2.125, 0, 0});
     box("north", {4, 3, 0.25}, {0, 0, -2.125}).box("ceiling", {4.5, 0.25, 4.5}, {0, 3, 0});
@@ -64,7 +65,8 @@ struct Place {
   Scenario scenario;
 
   explicit Place(const SmallScene& scene) : Place(scene.write()) {}
-  explicit Place(const std::vector<std::byte>& glb) : scenario(*Scenario::from_asset(*read_gltf(glb, nullptr, store))) {}
+  explicit Place(const std::vector<std::byte>& glb)
+      : scenario(*Scenario::from_asset(*read_gltf(glb, nullptr, store))) {}
   std::unique_ptr<ScenarioWorld> world() { return *ScenarioWorld::make(scenario, store, device); }
 };
 

@@ -24,8 +24,7 @@ class Draw {
   // Rotated, unevenly scaled, mirrored or sheared.
   glm::dmat3 linear() {
     const glm::dvec3 s(in(0.1, 3), in(0.1, 3), in(-3, -0.1));
-    return glm::mat3_cast(rotation()) * glm::dmat3(s.x, 0, 0, 0, s.y, 0, 0, 0, s.z) *
-           glm::mat3_cast(rotation());
+    return glm::mat3_cast(rotation()) * glm::dmat3(s.x, 0, 0, 0, s.y, 0, 0, 0, s.z) * glm::mat3_cast(rotation());
   }
 
  private:
@@ -69,8 +68,7 @@ inline std::vector<Triangle> world_triangles(const SceneMirror& mirror) {
     const auto corner = [&](size_t k) {
       return i.pose.position_m + i.pose.rotation * (i.linear * glm::dvec3(g.positions[g.indices[k]]));
     };
-    for (size_t k = 0; k < g.indices.size(); k += 3)
-      triangles.push_back({corner(k), corner(k + 1), corner(k + 2)});
+    for (size_t k = 0; k < g.indices.size(); k += 3) triangles.push_back({corner(k), corner(k + 1), corner(k + 2)});
   }
   return triangles;
 }

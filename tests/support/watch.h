@@ -11,12 +11,12 @@
 namespace sightline::test {
 
 inline bool is_sound(const StepResult& r) {
-  return is_finite(r.camera.pose.position_m) && is_finite(r.camera.pose.rotation) &&
-         is_finite(r.camera.velocity_mps) && is_finite(r.camera.angular_velocity_radps) &&
-         std::abs(glm::length(r.camera.pose.rotation) - 1) < 1e-9;
+  return is_finite(r.camera.pose.position_m) && is_finite(r.camera.pose.rotation) && is_finite(r.camera.velocity_mps) &&
+         is_finite(r.camera.angular_velocity_radps) && std::abs(glm::length(r.camera.pose.rotation) - 1) < 1e-9;
 }
 
-// Yaw and pitch, radians, of a camera without roll. Past a pole the pitch is beyond +-pi/2, since the camera is upside down there.
+// Yaw and pitch, radians, of a camera without roll. Past a pole the pitch is beyond +-pi/2, since the camera is upside
+// down there.
 inline glm::dvec2 yaw_and_pitch(const glm::dquat& world_from_camera) {
   const glm::dvec3 right = world_from_camera * glm::dvec3(1, 0, 0);
   const double sine = (world_from_camera * glm::dvec3(0, 0, -1)).y;
@@ -32,8 +32,8 @@ class Watch {
     const StepResult r = world_.step(dt);
     EXPECT_TRUE(is_sound(r));
     const double moved_s = std::min(dt, kMaxStepS);
-    const glm::dvec3 velocity =
-        moved_s > 0 ? (r.camera.pose.position_m - last_.pose.position_m) / moved_s : last_.velocity_mps;
+    const glm::dvec3 velocity = moved_s > 0 ? (r.camera.pose.position_m - last_.pose.position_m) / moved_s
+                                            : last_.velocity_mps;
     EXPECT_LE(glm::length(velocity), world_.limits.max_speed_mps * (1 + 1e-6));
     EXPECT_LE(glm::length(velocity - last_.velocity_mps),
               world_.limits.max_acceleration_mps2 * moved_s * (1 + 1e-6) + 1e-9);

@@ -32,8 +32,7 @@ class World {
     const auto ok = mirror.apply(delta, {});
     ASSERT_TRUE(ok.has_value()) << to_string(ok.error());
   }
-  void add_box(uint64_t id, const glm::dvec3& at, const glm::vec3& half_extent,
-               InstanceAttributes attributes = {}) {
+  void add_box(uint64_t id, const glm::dvec3& at, const glm::vec3& half_extent, InstanceAttributes attributes = {}) {
     add(id, BoxShape{half_extent}, at, attributes);
   }
   // A standing person: a capsule 1.8 m high whose centre is at `at`.

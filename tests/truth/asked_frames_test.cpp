@@ -24,7 +24,8 @@ scenes::Motion round_walk() {
   for (double time_s = 0; time_s <= kDurationS + 1e-9; time_s += 1.0 / 60) {
     const double turned = kTurnRadps * time_s;
     const double facing = std::numbers::pi + turned;  // the front is +z; it begins towards -z
-    motion.add(time_s, {kRadiusM * std::cos(turned), 0, -kRadiusM * std::sin(turned)}, glm::angleAxis(facing, glm::dvec3(0, 1, 0)));
+    motion.add(time_s, {kRadiusM * std::cos(turned), 0, -kRadiusM * std::sin(turned)},
+               glm::angleAxis(facing, glm::dvec3(0, 1, 0)));
   }
   return motion;
 }
@@ -35,7 +36,9 @@ glm::dvec3 forward_at(double time_s) {
 
 class AskedFrames : public testing::Test {
  protected:
-  AskedFrames() : place_(test::SmallScene(kDurationS, {3, 1.5, 6}).walker("anna", round_walk()).target("ben", {8, 0, 0})), world_(place_.world()) {
+  AskedFrames()
+      : place_(test::SmallScene(kDurationS, {3, 1.5, 6}).walker("anna", round_walk()).target("ben", {8, 0, 0})),
+        world_(place_.world()) {
     anna_ = id_of("anna"), ben_ = id_of("ben");
   }
   uint64_t id_of(const std::string& name) const {
@@ -77,9 +80,12 @@ class AskedFrames : public testing::Test {
   uint64_t anna_ = 0, ben_ = 0;
 };
 
-// 4 m behind and 20 degrees up is what a chase asks for, whichever way she goes. A camera that keeps to a side of the world does not have it.
+// 4 m behind and 20 degrees up is what a chase asks for, whichever way she goes. A camera that keeps to a side of the
+// world does not have it.
 TEST_F(AskedFrames, AChaseIsBehindTheWalkerAtEveryMoment) {
-  const auto behind = [](double time_s) { return 4.0 * (std::cos(rad(20)) * -forward_at(time_s) + glm::dvec3(0, std::sin(rad(20)), 0)); };
+  const auto behind = [](double time_s) {
+    return 4.0 * (std::cos(rad(20)) * -forward_at(time_s) + glm::dvec3(0, std::sin(rad(20)), 0));
+  };
   const auto fixed = [&](double) { return behind(0); };
   for (const ShotFrame frame : {ShotFrame::kHeading, ShotFrame::kTravel}) {
     AskedShot chase = shot_of(frame);
@@ -93,7 +99,9 @@ TEST_F(AskedFrames, AChaseIsBehindTheWalkerAtEveryMoment) {
 }
 
 TEST_F(AskedFrames, WhatIsLeftOpenIsTakenFromTheFirstFrame) {
-  const auto beside = [](double time_s) { return 5.0 * glm::cross(forward_at(time_s), glm::dvec3(0, 1, 0)) + glm::dvec3(0, 1, 0); };
+  const auto beside = [](double time_s) {
+    return 5.0 * glm::cross(forward_at(time_s), glm::dvec3(0, 1, 0)) + glm::dvec3(0, 1, 0);
+  };
   EXPECT_LT(mean_deviation(shot_of(ShotFrame::kHeading), filmed(beside)).side, 0.005);
   EXPECT_LT(mean_deviation(shot_of(ShotFrame::kHeading), filmed(beside)).height, 1e-6);
   EXPECT_GT(mean_deviation(shot_of(ShotFrame::kWorld), filmed(beside)).side, 0.5) << "the world does not turn with her";
@@ -102,7 +110,8 @@ TEST_F(AskedFrames, WhatIsLeftOpenIsTakenFromTheFirstFrame) {
 
 TEST_F(AskedFrames, ALineLeadsFromTheOneToTheOther) {
   AskedShot across = shot_of(ShotFrame::kLine);
-  across.frame_id = anna_, across.line_to_id = ben_, across.side_rad = std::numbers::pi / 2, across.height_rad = 0, across.distance_m = 6;
+  across.frame_id = anna_, across.line_to_id = ben_, across.side_rad = std::numbers::pi / 2, across.height_rad = 0,
+  across.distance_m = 6;
   const auto right_of_line = [&](double) {
     const glm::dvec3 way = world_->mirror().find(ben_)->center_m - world_->mirror().find(anna_)->center_m;
     return 6.0 * glm::normalize(glm::dvec3(-way.z, 0, way.x));
@@ -115,9 +124,12 @@ TEST_F(AskedFrames, ALineLeadsFromTheOneToTheOther) {
 TEST_F(AskedFrames, AnOrbitGoesOnAtItsSpeed) {
   AskedShot orbit = shot_of(ShotFrame::kWorld);
   orbit.orbit_radps = 0.5, orbit.height_rad = 0, orbit.distance_m = 5;
-  const auto round = [](double time_s) { return 5.0 * glm::dvec3(std::sin(-0.5 * time_s), 0, std::cos(-0.5 * time_s)); };
+  const auto round = [](double time_s) {
+    return 5.0 * glm::dvec3(std::sin(-0.5 * time_s), 0, std::cos(-0.5 * time_s));
+  };
   const auto other_way = [&](double time_s) { return round(-time_s); };
-  const double along = mean_deviation(orbit, filmed(round)).side, against = mean_deviation(orbit, filmed(other_way)).side;
+  const double along = mean_deviation(orbit, filmed(round)).side,
+               against = mean_deviation(orbit, filmed(other_way)).side;
   EXPECT_LT(std::min(along, against), 1e-6);
   EXPECT_GT(std::max(along, against), 0.5);
   EXPECT_LT(along, against) << "to the subject's right first: clockwise, seen from above";

@@ -16,8 +16,10 @@ double rad(double degrees) {
 }
 
 // A camera that looks at the centre from a side, a height and a distance.
-CameraFrame looks(const glm::dvec3& center_m, double side_deg, double height_deg, double distance_m, double time_s = 0) {
-  const glm::dvec3 outwards(std::cos(rad(height_deg)) * std::sin(rad(side_deg)), std::sin(rad(height_deg)), std::cos(rad(height_deg)) * std::cos(rad(side_deg)));
+CameraFrame looks(const glm::dvec3& center_m, double side_deg, double height_deg, double distance_m,
+                  double time_s = 0) {
+  const glm::dvec3 outwards(std::cos(rad(height_deg)) * std::sin(rad(side_deg)), std::sin(rad(height_deg)),
+                            std::cos(rad(height_deg)) * std::cos(rad(side_deg)));
   CameraFrame frame;
   frame.time_s = time_s;
   frame.camera = {center_m + outwards * distance_m, look_rotation(-outwards, {0, 1, 0}, {1, 0, 0})};
@@ -37,8 +39,8 @@ TEST(Coherence, EachPropertyDeviatesFromItsBandToItsLimit) {
   };
   const Case cases[] = {
       {170, 10, 6, {}},
-      {170 + 29, 10 + 9, 6 * 1.18, {}},                        // all within their bands
-      {170 + 75, 10, 6, {.side = 0.5}},                        // across the seam at 180 degrees
+      {170 + 29, 10 + 9, 6 * 1.18, {}},  // all within their bands
+      {170 + 75, 10, 6, {.side = 0.5}},  // across the seam at 180 degrees
       {170 - 75, 10, 6, {.side = 0.5}},
       {170 + 150, 10, 6, {.side = 1.0}},
       {170, 10 + 27.5, 6, {.height = 0.5}},
@@ -58,7 +60,8 @@ TEST(Coherence, EachPropertyDeviatesFromItsBandToItsLimit) {
 TEST(Coherence, HeightsAreToldBesideTheAskedOne) {
   std::vector<CameraFrame> frames;
   const std::vector<glm::dvec3> centers_m(5, glm::dvec3(3, 1, -2));
-  for (const double height_deg : {10.0, 20.0, 59.0, 61.0, 80.0}) frames.push_back(looks(centers_m[0], 0, height_deg, 6, 0.1 * static_cast<double>(frames.size())));
+  for (const double height_deg : {10.0, 20.0, 59.0, 61.0, 80.0})
+    frames.push_back(looks(centers_m[0], 0, height_deg, 6, 0.1 * static_cast<double>(frames.size())));
   const CoherenceMetrics metrics = coherence_of(frames, centers_m, {});
   EXPECT_NEAR(metrics.asked_height_rad, rad(10), 1e-9);
   EXPECT_NEAR(metrics.median_height_rad, rad(59), 1e-9);
@@ -125,7 +128,8 @@ TEST(Coherence, APictureIsWorthWhatItShowsAndHowItKeepsTheShot) {
     frames.push_back(looks({}, 0, heights_deg[i], 6, kTick * static_cast<double>(i)));
     if (i == 4) continue;  // not judged
     PictureTruth& picture = truths[i].picture.emplace();
-    picture.targets.push_back({.id = 1, .alone_pixels = 100, .visible_pixels = 100, .outline = {.in_picture_share = inside[i]}});
+    picture.targets.push_back(
+        {.id = 1, .alone_pixels = 100, .visible_pixels = 100, .outline = {.in_picture_share = inside[i]}});
   }
   const CoherenceMetrics metrics = coherence_of(frames, centers_m, truths);
   EXPECT_NEAR(metrics.mean_worth, (1 + 0.5 + (1 - ShotWeights{}.height) + 0) / 4, 1e-9);

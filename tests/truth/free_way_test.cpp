@@ -14,8 +14,9 @@ namespace {
 
 constexpr double kBodyM = 0.3;
 
-// A closed box of 4 x 3 x 4 m round the origin holds the camera. A slot of `slot_m`, as high as the box, opens it in the middle of
-// the side at -x. The target stands 6 m away at +x. With `lid_s`, a lid closes the slot but from lid_s.x to lid_s.y.
+// A closed box of 4 x 3 x 4 m round the origin holds the camera. A slot of `slot_m`, as high as the box, opens it in
+// the middle of the side at -x. The target stands 6 m away at +x. With `lid_s`, a lid closes the slot but from lid_s.x
+// to lid_s.y.
 struct Place {
   GeometryStore store;
   EmbreeDevice device;
@@ -36,8 +37,7 @@ struct Place {
     writer.add_node({"anna", -1, person, -1, {6, 0, 0}, {1, 0, 0, 0}, role("target")});
     writer.add_node({"eye", -1, -1, writer.add_camera(0.8, 1.5, 0.1), {0, 0, 0}, {1, 0, 0, 0}, role("camera")});
     if (lid_s) add_lid(writer, *lid_s);
-    scenario = std::make_unique<Scenario>(
-        *Scenario::from_asset(*read_gltf(writer.finish("scenario"), nullptr, store)));
+    scenario = std::make_unique<Scenario>(*Scenario::from_asset(*read_gltf(writer.finish("scenario"), nullptr, store)));
     world = *ScenarioWorld::make(*scenario, store, device);
   }
 
@@ -67,7 +67,8 @@ TEST(FreeWay, LeadsOutThroughASlotThatTheBodyFits) {
   const auto way = place.way(20);
   ASSERT_TRUE(way);
   EXPECT_EQ(way->target_id, place.scenario->targets()[0].id);
-  // The way leads out through the slot at x = -2.1 and past a corner of the box at |z| = 2.1 or y = 1.7. Then x = 6 is in sight.
+  // The way leads out through the slot at x = -2.1 and past a corner of the box at |z| = 2.1 or y = 1.7. Then x = 6 is
+  // in sight.
   EXPECT_LT(way->end_m.x, 6.0);
   const bool beside = std::abs(way->end_m.z) > 2.1, above = std::abs(way->end_m.y) > 1.7;
   EXPECT_TRUE(beside || above);
@@ -104,15 +105,16 @@ TEST(FreeWay, DoesNotPassThroughAWallThatTheCameraTouches) {
 // The search goes along the axes, so the length is the sum of the distances along them.
 TEST(FreeWay, LengthsAreAlongTheSidesOfTheCells) {
   const Place place(0.0f);
-  // The camera is behind the box at x = -6. No place is in sight until z is beyond the box's shadow, which widens backwards. Its
-  // edge runs from the target over the box's edges at x = 2.1.
+  // The camera is behind the box at x = -6. No place is in sight until z is beyond the box's shadow, which widens
+  // backwards. Its edge runs from the target over the box's edges at x = 2.1.
   const auto way = place.way(20, {-6, 0, 0});
   ASSERT_TRUE(way);
   const glm::dvec3 moved = way->end_m - glm::dvec3(-6, 0, 0);
   EXPECT_NEAR(way->length_m, std::abs(moved.x) + std::abs(moved.y) + std::abs(moved.z), 1e-9);
 }
 
-// Behind the box with nothing else in the way, the nearest place in sight is the one of the fewest cells that a plain search of all cells finds.
+// Behind the box with nothing else in the way, the nearest place in sight is the one of the fewest cells that a plain
+// search of all cells finds.
 TEST(FreeWay, IsTheShortestOfAll) {
   const Place place(0.0f);
   const glm::dvec3 from_m(-4, 0, 0);
@@ -130,8 +132,10 @@ TEST(FreeWay, IsTheShortestOfAll) {
       for (int z = -kReach; z <= kReach; ++z) {
         const glm::dvec3 at_m = from_m + kBodyM * glm::dvec3(x, y, z);
         const int steps = std::abs(x) + std::abs(y) + std::abs(z);
-        if (steps >= fewest || place.world->colliders().nearest_surface_m(at_m, 1.0f) < std::hypot(kBodyM, kBodyM / 2)) continue;
-        if (place.world->occluders().trace(aim_m, glm::vec3(at_m - aim_m), 0.0f, 1.0f, others).slot == UINT32_MAX) fewest = steps;
+        if (steps >= fewest || place.world->colliders().nearest_surface_m(at_m, 1.0f) < std::hypot(kBodyM, kBodyM / 2))
+          continue;
+        if (place.world->occluders().trace(aim_m, glm::vec3(at_m - aim_m), 0.0f, 1.0f, others).slot == UINT32_MAX)
+          fewest = steps;
       }
   EXPECT_NEAR(way->length_m, kBodyM * fewest, 1e-9);
   EXPECT_GT(fewest, 3);
@@ -146,7 +150,8 @@ TEST(FreeWay, ReachFromRestIsHalfTheAccelerationTimesTheSquareThenTheSpeed) {
 
 // ---- blind although a way exists ----
 
-// A camera stays in the box for 8 s and sees no target. There is a picture every 0.1 s. The pictures in `seen` show one pixel.
+// A camera stays in the box for 8 s and sees no target. There is a picture every 0.1 s. The pictures in `seen` show one
+// pixel.
 double blind_with_way_s(Place& place, const std::vector<int>& seen = {}) {
   std::vector<CameraFrame> frames;
   std::vector<FrameTruth> truths;

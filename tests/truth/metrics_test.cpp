@@ -20,8 +20,8 @@ constexpr double kDt = 0.1;
 CameraFrame at(int k, const glm::dvec3& position, double yaw_rad = 0, double pitch_rad = 0) {
   CameraFrame frame;
   frame.time_s = k * kDt;
-  frame.camera = {position, glm::angleAxis(yaw_rad, glm::dvec3(0, 1, 0)) *
-                                glm::angleAxis(pitch_rad, glm::dvec3(1, 0, 0))};
+  frame.camera = {position,
+                  glm::angleAxis(yaw_rad, glm::dvec3(0, 1, 0)) * glm::angleAxis(pitch_rad, glm::dvec3(1, 0, 0))};
   return frame;
 }
 
@@ -86,7 +86,8 @@ TEST(Limits, AreKeptExactlyAtTheirValuesAndBrokenBeyond) {
 
 TEST(Peaks, AreTheGreatestOfAllFrames) {
   // At 10 Hz: yaw by 0.1, 0.3 and 0.2 rad; x by 0.2, 0.5 and 0.4 m.
-  const std::vector<CameraFrame> frames{at(0, {}), at(1, {0.2, 0, 0}, 0.1), at(2, {0.7, 0, 0}, 0.4), at(3, {1.1, 0, 0}, 0.6)};
+  const std::vector<CameraFrame> frames{at(0, {}), at(1, {0.2, 0, 0}, 0.1), at(2, {0.7, 0, 0}, 0.4),
+                                        at(3, {1.1, 0, 0}, 0.6)};
   const RunMetrics metrics = summarize(std::vector<TargetMetrics>{}, frames, {}, CameraLimits{});
   EXPECT_NEAR(metrics.peak_speed_mps, 5.0, 1e-9);
   EXPECT_NEAR(metrics.peak_acceleration_mps2, 30.0, 1e-9);
@@ -123,7 +124,8 @@ TEST(HiddenShare, IsOfTheTargetsThatHaveAPixelInThePicture) {
   constexpr uint64_t kAnna = 1, kBen = 2;
   std::vector<FrameTruth> truths(3);
   truths[0].picture.emplace().targets = {{kAnna, 100, 50, true}, {kBen, 100, 100, true}};
-  truths[1].picture.emplace().targets = {{kAnna, 100, 100, true}, {kBen, 0, 0, false}};  // beside the picture, not hidden
+  // beside the picture, not hidden
+  truths[1].picture.emplace().targets = {{kAnna, 100, 100, true}, {kBen, 0, 0, false}};
   const std::vector<CameraFrame> frames{at(0, {}), at(1, {}), at(2, {})};
   const std::vector<TargetMetrics> targets{{.id = kAnna, .name = "anna"}, {.id = kBen, .name = "ben"}};
   const RunMetrics metrics = summarize(targets, frames, truths, CameraLimits{});
@@ -139,14 +141,11 @@ class Stage {
     scenes::GlbWriter writer;
     const int person = writer.add_mesh("person", *tessellate(CapsuleShape{0.3f, 0.6f}), {1, 1, 1});
     const int wall = writer.add_mesh("wall", *tessellate(BoxShape{{4, 4, 0.1f}}), {1, 1, 1});
-    const auto role = [](const char* name) {
-      return nlohmann::ordered_json{{"sightline", {{"role", name}}}};
-    };
+    const auto role = [](const char* name) { return nlohmann::ordered_json{{"sightline", {{"role", name}}}}; };
     writer.add_node({"anna", -1, person, -1, {-1, 0, 0}, {1, 0, 0, 0}, role("target")});
     writer.add_node({"ben", -1, person, -1, {1, 0, 0}, {1, 0, 0, 0}, role("target")});
     const int slide = writer.add_node({"slide", -1, wall, -1, {20, 0, 4}, {1, 0, 0, 0}, role("occluder")});
-    writer.add_node(
-        {"eye", -1, -1, writer.add_camera(0.8, 1.5, 0.1), {0, 0, 8}, {1, 0, 0, 0}, role("camera")});
+    writer.add_node({"eye", -1, -1, writer.add_camera(0.8, 1.5, 0.1), {0, 0, 8}, {1, 0, 0, 0}, role("camera")});
     writer.add_node({"pillar", -1, person, -1, {40, 0, 0}, {1, 0, 0, 0}, {}});
     const glm::quat still(1, 0, 0, 0);
     writer.animate(slide, std::vector<float>{0.0f, 0.44f, 0.46f, 1.0f},
@@ -181,7 +180,8 @@ TEST(RunMetrics, SharesAreOfTheFrames) {
   EXPECT_DOUBLE_EQ(metrics.r_p, 0.0);
   EXPECT_DOUBLE_EQ(metrics.all_seen, 0.5);
   EXPECT_DOUBLE_EQ(metrics.joint_visible_share(), 0.5);
-  EXPECT_DOUBLE_EQ(metrics.joint_whole_share, 0.5) << "where they are not hidden, they are in the picture from head to foot";
+  EXPECT_DOUBLE_EQ(metrics.joint_whole_share, 0.5)
+      << "where they are not hidden, they are in the picture from head to foot";
   EXPECT_DOUBLE_EQ(metrics.mean_whole_share, 0.5);
   EXPECT_GT(metrics.p95_size_pictures, 0.0);
   EXPECT_LT(metrics.p95_size_pictures, 1.0);

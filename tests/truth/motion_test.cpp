@@ -42,8 +42,7 @@ TEST(Reversals, AStraightPathAndAWideCurveHaveNone) {
 
 TEST(Reversals, ASwingTurnsBackTwiceAPeriod) {
   // 10 s of a swing with a period of 1 s: the velocity changes its sign at 0.25 s, 0.75 s, ...
-  const auto swing = path_of(
-      600, [](double t) { return glm::dvec3(0.5 * std::sin(2 * std::numbers::pi * t), 0, 0); });
+  const auto swing = path_of(600, [](double t) { return glm::dvec3(0.5 * std::sin(2 * std::numbers::pi * t), 0, 0); });
   EXPECT_EQ(direction_reversals(swing), 20u);
   EXPECT_NEAR(metrics_of(swing).reversals_per_s, 2.0, 1e-9);
 }
@@ -66,17 +65,15 @@ TEST(Reversals, AZigzagOfRightAnglesHasNoneAndASharperOneHasOneACorner) {
 
 TEST(Reversals, ATightCurveTurnsBackAtEveryQuarter) {
   // At 5 rad/s, the velocity turns by more than 90 degrees in 19 ticks; frame 1 has the first velocity.
-  const auto circle =
-      path_of(600, [](double t) { return 0.3 * glm::dvec3(std::cos(5 * t), 0, std::sin(5 * t)); });
+  const auto circle = path_of(600, [](double t) { return 0.3 * glm::dvec3(std::cos(5 * t), 0, std::sin(5 * t)); });
   EXPECT_EQ(direction_reversals(circle), 599u / 19);
 }
 
 TEST(Reversals, AStopOnTheWayBackCountsOnlyWhenItIsShort) {
   // There at 1 m/s for a second, a stop, and back.
   const auto there_and_back = [](double stop_s) {
-    return path_of(240, [stop_s](double t) {
-      return glm::dvec3(std::min(t, 1.0) - std::max(0.0, t - 1.0 - stop_s), 0, 0);
-    });
+    return path_of(240,
+                   [stop_s](double t) { return glm::dvec3(std::min(t, 1.0) - std::max(0.0, t - 1.0 - stop_s), 0, 0); });
   };
   EXPECT_EQ(direction_reversals(there_and_back(0.4)), 1u);
   EXPECT_EQ(direction_reversals(there_and_back(0.6)), 0u);
@@ -84,9 +81,8 @@ TEST(Reversals, AStopOnTheWayBackCountsOnlyWhenItIsShort) {
 
 TEST(Reversals, SlowTremblingAndDeclaredJumpsAreNone) {
   // 0.19 m/s to and fro, by 3 mm.
-  auto trembling = path_of(600, [](double t) {
-    return glm::dvec3(std::lround(t / kTick) % 2 == 0 ? 0.0 : 0.19 * kTick, 0, 0);
-  });
+  auto trembling = path_of(
+      600, [](double t) { return glm::dvec3(std::lround(t / kTick) % 2 == 0 ? 0.0 : 0.19 * kTick, 0, 0); });
   EXPECT_EQ(direction_reversals(trembling), 0u);
   auto leap = path_of(120, [](double t) { return glm::dvec3(t < 1 ? t : t < 1 + kTick / 2 ? -5 : -4 - t, 0, 0); });
   EXPECT_GT(direction_reversals(leap), 0u);
@@ -163,7 +159,8 @@ TEST(GoalJumps, ASecondHasAsManyAsTheGoalChangesBeyondHalfAMetre) {
 }
 
 TEST(GoalJumps, TimeWithoutAGoalAndDeclaredCutsAreLeftOut) {
-  auto samples = goals(120, [](int k) { return glm::dvec3(k < 60 ? 0 : 9, 0, 0); }, 0.0);
+  auto samples = goals(
+      120, [](int k) { return glm::dvec3(k < 60 ? 0 : 9, 0, 0); }, 0.0);
   EXPECT_EQ(goals_of(samples).jumps, 1u);
   EXPECT_NEAR(goals_of(samples).watched_s, 2.0, 1e-9);
   samples[60].jump = true;

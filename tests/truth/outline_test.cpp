@@ -1,4 +1,5 @@
-// How much of a body the picture holds, against solid angles in closed form and against a grid of rays with an analytic sphere.
+// How much of a body the picture holds, against solid angles in closed form and against a grid of rays with an analytic
+// sphere.
 #include "client/truth/outline.h"
 
 #include <gtest/gtest.h>
@@ -24,7 +25,9 @@ class Bench {
     occluders_.take_in(mirror_);
     return *mirror_.slot_of(id);
   }
-  Outline outline(std::vector<uint32_t> slots) const { return measure_outline(occluders_, mirror_.instances(), slots, camera, lens); }
+  Outline outline(std::vector<uint32_t> slots) const {
+    return measure_outline(occluders_, mirror_.instances(), slots, camera, lens);
+  }
   TargetTruth look(uint64_t id) const {
     Target target;
     target.instance_id = id;
@@ -87,7 +90,8 @@ TEST(Outline, RoundAnEyeInsideTheBodyIsTheSolidAngleOfThePicture) {
 // Of two equal bodies, of which the picture holds one.
 TEST(Outline, IsOfAllPartsTogether) {
   Bench bench;
-  const uint32_t inside = bench.add(1, SphereShape{0.5f}, {0, 0, -8}), outside = bench.add(2, SphereShape{0.5f}, {8, 0, 0});
+  const uint32_t inside = bench.add(1, SphereShape{0.5f}, {0, 0, -8}),
+                 outside = bench.add(2, SphereShape{0.5f}, {8, 0, 0});
   EXPECT_NEAR(bench.outline({inside, outside}).in_picture_share, 0.5, 0.03);
 }
 
@@ -109,14 +113,19 @@ TEST(Outline, AgreesWithAGridOfRaysAllRound) {
         for (int a = 0; a < kCells; ++a)
           for (int b = 0; b < kCells; ++b) {
             glm::dvec3 direction;
-            direction[axis] = side, direction[(axis + 1) % 3] = 2 * (a + 0.5) / kCells - 1, direction[(axis + 2) % 3] = 2 * (b + 0.5) / kCells - 1;
+            direction[axis] = side, direction[(axis + 1) % 3] = 2 * (a + 0.5) / kCells - 1,
+            direction[(axis + 2) % 3] = 2 * (b + 0.5) / kCells - 1;
             const double length = glm::length(direction), cell_sr = 1 / (length * length * length);
             const double along_m = glm::dot(center_m, direction) / length;
             if (along_m < 0 || glm::dot(center_m, center_m) - along_m * along_m > radius_m * radius_m) continue;
             all_sr += cell_sr;
-            if (direction.z < 0 && std::abs(direction.x) <= -direction.z * w && std::abs(direction.y) <= -direction.z * h) inside_sr += cell_sr;
+            if (direction.z < 0 && std::abs(direction.x) <= -direction.z * w &&
+                std::abs(direction.y) <= -direction.z * h)
+              inside_sr += cell_sr;
           }
-    EXPECT_NEAR(bench.outline({bench.add(1, SphereShape{static_cast<float>(radius_m)}, center_m)}).in_picture_share, inside_sr / all_sr, 0.02) << round;
+    EXPECT_NEAR(bench.outline({bench.add(1, SphereShape{static_cast<float>(radius_m)}, center_m)}).in_picture_share,
+                inside_sr / all_sr, 0.02)
+        << round;
   }
 }
 

@@ -58,8 +58,7 @@ struct PlainEpisodes {
 TEST(Episodes, EqualAPlainCountOnRandomTraces) {
   Random random(1);
   for (int round = 0; round < 200; ++round) {
-    const std::vector<std::vector<SightSample>> targets{random_sights(random, 1 + round),
-                                                        random_sights(random, 60)};
+    const std::vector<std::vector<SightSample>> targets{random_sights(random, 1 + round), random_sights(random, 60)};
     PlainEpisodes plain;
     for (const auto& samples : targets) plain.add(samples);
     const EpisodeMetrics metrics = episodes_of(targets);
@@ -155,8 +154,8 @@ TEST(Motion, JerkIsTheThirdDifferenceOfThePlaces) {
   }
   for (size_t i = 1; i < 3; ++i) squares += samples[i].jerk_mps3 * samples[i].jerk_mps3;
   GeometryStore store;
-  const RunMetrics metrics =
-      summarize(any_scenario(store), frames, std::vector<FrameTruth>(frames.size()), CameraLimits{});
+  const RunMetrics metrics = summarize(any_scenario(store), frames, std::vector<FrameTruth>(frames.size()),
+                                       CameraLimits{});
   EXPECT_NEAR(metrics.rms_jerk_mps3, std::sqrt(squares / 59), 1e-6 * metrics.rms_jerk_mps3);
 }
 

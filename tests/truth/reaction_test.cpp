@@ -25,8 +25,7 @@ std::vector<std::byte> sudden_wall(float until_s) {
   const glm::quat still(1, 0, 0, 0);
   const glm::vec3 away(20, 0, 4), between(0, 0, 4);
   writer.animate(slide, std::vector<float>{0, 0.999f, 1, until_s, until_s + 0.001f, 5},
-                 std::vector<glm::vec3>{away, away, between, between, away, away},
-                 std::vector<glm::quat>(6, still));
+                 std::vector<glm::vec3>{away, away, between, between, away, away}, std::vector<glm::quat>(6, still));
   return writer.finish("scenario");
 }
 

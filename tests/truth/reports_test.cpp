@@ -49,7 +49,7 @@ TEST(ReportsAgainstTruth, ATargetWithoutPixelsOrWithoutAReportIsNoPair) {
 // ---- status ----
 
 TEST(StatusAgainstTruth, SharesAreOfThePicturesWithAStatus) {
-  const std::vector<FrameTruth> truths{picture(100, 100), picture(0, 0), picture(0, 0), picture(0, 0),
+  const std::vector<FrameTruth> truths{picture(100, 100), picture(0, 0), picture(0, 0),    picture(0, 0),
                                        FrameTruth{},      picture(0, 0), picture(40, 100), picture(40, 100)};
   const std::vector<std::optional<bool>> tracking{true, true, true, false, true, std::nullopt, true, false};
   const std::vector<uint64_t> both{kAnna, kBen};

@@ -30,20 +30,17 @@ std::optional<double> meet(const glm::dvec3& origin, const glm::dvec3& direction
 class Bench {
  public:
   Bench()
-      : occluders_(device_, EmbreeScene::Content::kOccluders),
-        colliders_(device_, EmbreeScene::Content::kColliders) {}
+      : occluders_(device_, EmbreeScene::Content::kOccluders), colliders_(device_, EmbreeScene::Content::kColliders) {}
 
   void add(uint64_t id, const Shape& shape, const glm::dvec3& at, InstanceAttributes attributes = {},
            const glm::dquat& rotation = {1, 0, 0, 0}) {
     SceneDelta delta;
-    delta.add.push_back(
-        {id, *store_.intern(*tessellate(shape)), Pose{at, rotation}, glm::dmat3(1.0), attributes});
+    delta.add.push_back({id, *store_.intern(*tessellate(shape)), Pose{at, rotation}, glm::dmat3(1.0), attributes});
     ASSERT_TRUE(mirror_.apply(delta, {}));
     occluders_.take_in(mirror_);
     colliders_.take_in(mirror_);
   }
-  void add_target(uint64_t id, const Shape& shape, const glm::dvec3& at,
-                  const glm::dquat& rotation = {1, 0, 0, 0}) {
+  void add_target(uint64_t id, const Shape& shape, const glm::dvec3& at, const glm::dquat& rotation = {1, 0, 0, 0}) {
     add(id, shape, at, {}, rotation);
     Target target;
     target.instance_id = id;
@@ -74,12 +71,12 @@ class Bench {
  private:
   void count_slowly(const Target& target, int x, int y, int size, TargetTruth& truth) const {
     const double half_height = std::tan(lens.vertical_fov_rad / 2);
-    const glm::dvec3 direction =
-        camera.rotation * glm::dvec3((2 * (x + 0.5) / size - 1) * half_height * lens.aspect,
-                                     (2 * (y + 0.5) / size - 1) * half_height, -1.0);
+    const glm::dvec3 direction = camera.rotation * glm::dvec3((2 * (x + 0.5) / size - 1) * half_height * lens.aspect,
+                                                              (2 * (y + 0.5) / size - 1) * half_height, -1.0);
     double own = INFINITY, other = INFINITY;
     for (const Instance& instance : mirror_.instances()) {
-      const bool is_part = std::find(target.part_ids.begin(), target.part_ids.end(), instance.id) != target.part_ids.end();
+      const bool is_part = std::find(target.part_ids.begin(), target.part_ids.end(), instance.id) !=
+                           target.part_ids.end();
       double& nearest = instance.id == target.instance_id || is_part ? own : other;
       if (&nearest == &other && !(instance.attributes.layers & target.layer_mask)) continue;
       if (!instance.occludes()) continue;
@@ -92,8 +89,7 @@ class Bench {
     const Geometry& geometry = *instance.geometry;
     double nearest = INFINITY;
     const auto corner = [&](size_t k) {
-      return transform_point(instance.world_from_instance,
-                             glm::dvec3(geometry.positions[geometry.indices[k]]));
+      return transform_point(instance.world_from_instance, glm::dvec3(geometry.positions[geometry.indices[k]]));
     };
     for (size_t k = 0; k < geometry.indices.size(); k += 3)
       if (const auto t = meet(camera.position_m, direction, corner(k), corner(k + 1), corner(k + 2)))
@@ -109,17 +105,20 @@ class Bench {
 
 constexpr double kAheadM = -10.0;  // z of what stands ten metres before the camera
 
-// The edges of a picture of 60 degrees that is twice as wide as high, 10 m away: 5.77 m up and down, 11.55 m to the sides.
+// The edges of a picture of 60 degrees that is twice as wide as high, 10 m away: 5.77 m up and down, 11.55 m to the
+// sides.
 TEST(Truth, ACentreIsInTheFrameBetweenAllFourEdges) {
   Bench bench;
   bench.lens.vertical_fov_rad = std::numbers::pi / 3, bench.lens.aspect = 2.0;
-  const std::pair<glm::dvec3, bool> cases[] = {{{0, 0, -10}, true},       {{0, 5.7, -10}, true},    {{0, 5.9, -10}, false}, {{0, -5.7, -10}, true},
-                                               {{0, -5.9, -10}, false},   {{11.4, 0, -10}, true},   {{11.7, 0, -10}, false}, {{-11.4, 0, -10}, true},
-                                               {{-11.7, 0, -10}, false}, {{11.4, 5.7, -10}, true}, {{0, 0, 10}, false},     {{0, 1, 10}, false}};
+  const std::pair<glm::dvec3, bool> cases[] = {
+      {{0, 0, -10}, true},      {{0, 5.7, -10}, true},    {{0, 5.9, -10}, false},  {{0, -5.7, -10}, true},
+      {{0, -5.9, -10}, false},  {{11.4, 0, -10}, true},   {{11.7, 0, -10}, false}, {{-11.4, 0, -10}, true},
+      {{-11.7, 0, -10}, false}, {{11.4, 5.7, -10}, true}, {{0, 0, 10}, false},     {{0, 1, 10}, false}};
   uint64_t id = 1;
   for (const auto& [at, is_in] : cases) bench.add_target(id++, SphereShape{0.5f}, at);
   const PictureTruth picture = bench.look(32);
-  for (size_t i = 0; i < std::size(cases); ++i) EXPECT_EQ(picture.targets[i].in_frame, cases[i].second) << "target " << i;
+  for (size_t i = 0; i < std::size(cases); ++i)
+    EXPECT_EQ(picture.targets[i].in_frame, cases[i].second) << "target " << i;
 }
 
 TEST(Truth, ATargetInTheOpenIsSeenWhole) {
@@ -136,8 +135,7 @@ TEST(Truth, ItsPixelsAreItsAreaInThePicture) {
   Bench bench;
   bench.add_target(1, BoxShape{{1.0f, 0.5f, 0.001f}}, {0, 0, kAheadM});
   const double half_height = 10 * std::tan(bench.lens.vertical_fov_rad / 2);
-  const double expected =
-      kTruthSize * kTruthSize * (1.0 / (half_height * bench.lens.aspect)) * (0.5 / half_height);
+  const double expected = kTruthSize * kTruthSize * (1.0 / (half_height * bench.lens.aspect)) * (0.5 / half_height);
   EXPECT_NEAR(bench.look().targets[0].alone_pixels, expected, 0.02 * expected);
 }
 
@@ -157,9 +155,7 @@ TEST(Truth, AgreesWithEveryRayAgainstEveryTriangle) {
   for (uint64_t scene = 0; scene < 25; ++scene) {
     CounterRandom random(17, scene, RandomPurpose::kTest);
     const auto in = [&](double low, double high) { return random.next_in(low, high); };
-    const auto any_rotation = [&] {
-      return glm::normalize(glm::dquat(in(-1, 1), in(-1, 1), in(-1, 1), in(-1, 1)));
-    };
+    const auto any_rotation = [&] { return glm::normalize(glm::dquat(in(-1, 1), in(-1, 1), in(-1, 1), in(-1, 1))); };
     Bench bench;
     bench.camera = {{in(-2, 2), in(-2, 2), in(-2, 2)}, {1, 0, 0, 0}};
     bench.camera.rotation = look_rotation({in(-0.5, 0.5), in(-0.5, 0.5), -1}, {0, 1, 0}, {1, 0, 0});

@@ -24,8 +24,7 @@ v1::TickError reject(const Error& error, const SceneMirror* mirror) {
 }
 
 TEST(TickError, NamesTheTickTheFieldAndTheReason) {
-  const v1::TickError rejection =
-      reject({ErrorCode::kInvalidArgument, "tick.dt_s", "must not be negative"}, nullptr);
+  const v1::TickError rejection = reject({ErrorCode::kInvalidArgument, "tick.dt_s", "must not be negative"}, nullptr);
   EXPECT_EQ(rejection.sequence(), 12u);
   EXPECT_EQ(rejection.code(), v1::TickError::CODE_INVALID_ARGUMENT);
   EXPECT_EQ(rejection.message(), "tick.dt_s: must not be negative");
@@ -70,8 +69,8 @@ TEST_F(FromProto, ATickErrorAsksForAResyncWhenTheMirrorsDisagree) {
 }
 
 TEST(StatusFromError, CarriesABadRequestThatAnyClientDecodes) {
-  const grpc::Status status =
-      status_from_error({ErrorCode::kNotFound, "open.targets[2].id", "no instance has the id 7"});
+  const grpc::Status status = status_from_error(
+      {ErrorCode::kNotFound, "open.targets[2].id", "no instance has the id 7"});
   EXPECT_EQ(status.error_code(), grpc::StatusCode::NOT_FOUND);
   EXPECT_EQ(status.error_message(), "open.targets[2].id: no instance has the id 7");
   google::rpc::Status details;
@@ -94,7 +93,9 @@ TEST(StatusFromError, WithoutAFieldHasNoDetails) {
 
 // Headers have little room.
 TEST(StatusFromError, AMessageOfMoreThanAThousandBytesIsCutBetweenCharacters) {
-  const auto sent = [](const std::string& message) { return status_from_error({ErrorCode::kUnavailable, "", message}).error_message(); };
+  const auto sent = [](const std::string& message) {
+    return status_from_error({ErrorCode::kUnavailable, "", message}).error_message();
+  };
   const std::string fits(1000, 'x');
   EXPECT_EQ(sent(fits), fits);
   EXPECT_EQ(sent(fits + "y"), fits + "...");
@@ -104,9 +105,12 @@ TEST(StatusFromError, AMessageOfMoreThanAThousandBytesIsCutBetweenCharacters) {
 TEST(StatusFromError, HasTheCodeOfTheError) {
   using E = ErrorCode;
   using S = grpc::StatusCode;
-  const std::pair<E, S> codes[] = {{E::kInvalidArgument, S::INVALID_ARGUMENT},     {E::kNotFound, S::NOT_FOUND},
-                                   {E::kAlreadyExists, S::ALREADY_EXISTS},         {E::kFailedPrecondition, S::FAILED_PRECONDITION},
-                                   {E::kResourceExhausted, S::RESOURCE_EXHAUSTED}, {E::kUnavailable, S::UNAVAILABLE},
+  const std::pair<E, S> codes[] = {{E::kInvalidArgument, S::INVALID_ARGUMENT},
+                                   {E::kNotFound, S::NOT_FOUND},
+                                   {E::kAlreadyExists, S::ALREADY_EXISTS},
+                                   {E::kFailedPrecondition, S::FAILED_PRECONDITION},
+                                   {E::kResourceExhausted, S::RESOURCE_EXHAUSTED},
+                                   {E::kUnavailable, S::UNAVAILABLE},
                                    {E::kInternal, S::INTERNAL}};
   for (const auto& [code, sent] : codes) EXPECT_EQ(status_from_error({code, "", "text"}).error_code(), sent);
 }
@@ -125,10 +129,8 @@ TEST(StatusFromError, OfAFullServerSaysWhenToTryAgain) {
 }
 
 TEST(StatusFromError, UnusableInputIsTheSendersFault) {
-  EXPECT_EQ(status_from_error({ErrorCode::kUnsupported, "", ""}).error_code(),
-            grpc::StatusCode::INVALID_ARGUMENT);
-  EXPECT_EQ(status_from_error({ErrorCode::kDataLoss, "", ""}).error_code(),
-            grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(status_from_error({ErrorCode::kUnsupported, "", ""}).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_EQ(status_from_error({ErrorCode::kDataLoss, "", ""}).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
 }
 
 }  // namespace

@@ -10,9 +10,9 @@
 #include <vector>
 
 #include "server/wire/from_proto.h"
-#include "tests/wire/wire.h"
 #include "tests/support/glb_builder.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/wire/wire.h"
 
 namespace sightline::test {
 

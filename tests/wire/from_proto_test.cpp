@@ -37,16 +37,14 @@ TEST_F(FromProto, EverySettingArrives) {
   v1::Settings& s = *open.mutable_settings();
   tuning::v1alpha1::Tuning& t = *open.mutable_tuning();
   t.mutable_bound()->set_mode(tuning::v1alpha1::BOUND_MODE_PAPER);
-  t.mutable_bound()->set_horizon_s(0.6), t.mutable_bound()->set_max_horizon_s(1.1),
-      t.mutable_bound()->set_paper_n(55);
+  t.mutable_bound()->set_horizon_s(0.6), t.mutable_bound()->set_max_horizon_s(1.1), t.mutable_bound()->set_paper_n(55);
   t.mutable_sample()->set_resolution(9), t.mutable_sample()->set_jitter(false);
   t.mutable_aggregate()->set_volume(tuning::v1alpha1::VOLUME_PAIR);
   t.mutable_aggregate()->set_candidates(99), t.mutable_aggregate()->set_relative_bias(0.02);
   s.set_follow(v1::Settings::FOLLOW_STAY);
   s.set_min_distance_m(2), s.set_max_distance_m(20);
   s.set_min_elevation_rad(-0.1), s.set_max_elevation_rad(0.9);
-  s.set_framing_margin(0.2), s.set_dead_zone(0.3),
-      s.set_aim_response_s(1);
+  s.set_framing_margin(0.2), s.set_dead_zone(0.3), s.set_aim_response_s(1);
   s.set_min_vertical_fov_rad(0.4), s.set_max_vertical_fov_rad(1.2);
   v1::CameraLimits& l = *open.mutable_limits();
   l.set_max_speed_mps(3), l.set_max_acceleration_mps2(4), l.set_max_angular_speed_radps(5);
@@ -102,8 +100,7 @@ TEST_F(FromProto, AnUnrealClientIsUnderstood) {
   const SessionOptions o = must_read(open);
   expect_near(o.instances[0].pose.position_m, {1, 3, 2});
   expect_near(glm::dvec3(o.instances[0].geometry->bounds.half_extent()), {0.5, 2, 1}, 1e-6);
-  expect_near({o.instances[0].linear[0][0], o.instances[0].linear[1][1], o.instances[0].linear[2][2]},
-              {2, 4, 3});
+  expect_near({o.instances[0].linear[0][0], o.instances[0].linear[1][1], o.instances[0].linear[2][2]}, {2, 4, 3});
   expect_near(o.camera.position_m, {0, 1.5, 0});
   expect_near(o.camera.rotation * glm::dvec3(0, 0, -1), {1, 0, 0});
   expect_near(*o.targets[0].aim_offset_m, {0, 0.8, 0});
@@ -123,8 +120,8 @@ TEST_F(FromProto, TheIdsOfATargetArriveInTheirOrder) {
 }
 
 TEST_F(FromProto, ACapsuleStandsAlongTheClientsUpAxis) {
-  for (const auto preset :
-       {v1::Convention::PRESET_GLTF, v1::Convention::PRESET_UNITY, v1::Convention::PRESET_UNREAL, v1::Convention::PRESET_ROS}) {
+  for (const auto preset : {v1::Convention::PRESET_GLTF, v1::Convention::PRESET_UNITY, v1::Convention::PRESET_UNREAL,
+                            v1::Convention::PRESET_ROS}) {
     v1::OpenSession open = make_open();
     open.mutable_convention()->set_preset(preset);
     v1::NewInstance& instance = *open.mutable_instances(0);
@@ -140,8 +137,8 @@ TEST_F(FromProto, ACapsuleStandsAlongTheClientsUpAxis) {
 
 // In every convention: half a metre to glTF's +X and one up.
 TEST_F(FromProto, AnOffsetMovesTheShapeInItsInstance) {
-  for (const auto preset :
-       {v1::Convention::PRESET_GLTF, v1::Convention::PRESET_UNITY, v1::Convention::PRESET_UNREAL, v1::Convention::PRESET_ROS}) {
+  for (const auto preset : {v1::Convention::PRESET_GLTF, v1::Convention::PRESET_UNITY, v1::Convention::PRESET_UNREAL,
+                            v1::Convention::PRESET_ROS}) {
     v1::OpenSession open = make_open();
     open.mutable_convention()->set_preset(preset);
     const double unit = preset == v1::Convention::PRESET_UNREAL ? 100 : 1;
@@ -219,7 +216,8 @@ TEST_F(FromProto, ASceneFileComesFirstAndIsMovedToTheWorldOrigin) {
   EXPECT_EQ(o.instances[2].id, 1u);
 }
 
-// A corner of an instance's triangle in the world: the town's triangles have corners at (0, 0, 0), (1, 0, 0) and (0, 1, 0).
+// A corner of an instance's triangle in the world: the town's triangles have corners at (0, 0, 0), (1, 0, 0) and (0, 1,
+// 0).
 glm::dvec3 far_corner_m(const NewInstance& instance) {
   return transform_point(instance.pose, instance.linear * glm::dvec3(1, 0, 0));
 }
@@ -248,7 +246,8 @@ TEST_F(FromProto, SizesThatCannotBeRightAreWarnedOf) {
     v1::OpenSession open = make_open();
     open.mutable_scene()->set_name("town.glb");
     open.mutable_scene()->set_metres_per_unit(metres_per_unit);
-    for (v1::NewInstance& person : *open.mutable_instances()) person.mutable_shape()->mutable_capsule()->set_radius(radius_m);
+    for (v1::NewInstance& person : *open.mutable_instances())
+      person.mutable_shape()->mutable_capsule()->set_radius(radius_m);
     warnings.clear();
     must_read(open);
     return warnings;
@@ -268,7 +267,8 @@ TEST_F(FromProto, WarningsOfTheSceneFileAreTold) {
   const int house = file.triangle_node();
   file.json["meshes"][file.json["nodes"][house]["mesh"].get<int>()]["primitives"][0]["mode"] = 1;  // lines
   const auto bytes = file.glb();
-  std::ofstream(folder / "lines.glb", std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  std::ofstream(folder / "lines.glb", std::ios::binary)
+      .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
   v1::OpenSession open = make_open();
   open.mutable_scene()->set_name("lines.glb");
   must_read(open);

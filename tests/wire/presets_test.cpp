@@ -29,8 +29,7 @@ TEST_F(FromProto, ASessionStartsFromThePresetAndWhatIsSentIsPutOverIt) {
   ask_for_two(open);
   EXPECT_EQ(text_of(must_read(open).settings), text_of(with_two(preset_settings(Preset::kPaper))));
   open.mutable_settings()->set_preset(v1::Settings::PRESET_SIGHTLINE);
-  EXPECT_EQ(text_of(must_read(open).settings),
-            text_of(with_two(preset_settings(Preset::kSightline))));
+  EXPECT_EQ(text_of(must_read(open).settings), text_of(with_two(preset_settings(Preset::kSightline))));
 }
 
 TEST_F(FromProto, ThePresetsDiffer) {
@@ -74,8 +73,7 @@ TEST_F(FromProto, AnEndOfThePresentZoomCanBeMovedAlone) {
   SessionOptions expected = with_own_settings();
   expected.settings.framing.max_vertical_fov_rad = 0.6;
   wire.mutable_settings()->set_max_vertical_fov_rad(0.6);
-  EXPECT_EQ(text_of(*must_read(wire, with_own_settings()).settings),
-            text_of(expected.settings));
+  EXPECT_EQ(text_of(*must_read(wire, with_own_settings()).settings), text_of(expected.settings));
   EXPECT_EQ(read(wire).error().field, "tick.settings.min_vertical_fov_rad");
   wire.mutable_settings()->set_max_vertical_fov_rad(0.4);
   EXPECT_EQ(read(wire, with_own_settings()).error().field, "tick.settings.max_vertical_fov_rad");

@@ -26,13 +26,16 @@ TEST(ReasonText, NamesWhatHidesATarget) {
 TEST(ReasonText, NamesWhatWillHideATarget) {
   StepResult result = away_from_shot();
   result.shot->soon_by = 7, result.shot->soon_target = 2, result.shot->soon_s = 0.43;
-  EXPECT_EQ(reason_text(result), kBest + "; instance 7 is expected to hide target 2 from the place of the shot in 0.4 s");
+  EXPECT_EQ(reason_text(result),
+            kBest + "; instance 7 is expected to hide target 2 from the place of the shot in 0.4 s");
   result.shot->soon_s = 0.97;
-  EXPECT_EQ(reason_text(result), kBest + "; instance 7 is expected to hide target 2 from the place of the shot in 1.0 s");
+  EXPECT_EQ(reason_text(result),
+            kBest + "; instance 7 is expected to hide target 2 from the place of the shot in 1.0 s");
   result.shot->soon_s = 0.02;
   EXPECT_EQ(reason_text(result), kBest + "; instance 7 is about to hide target 2 from the place of the shot");
   result.shot->hidden_by = 8, result.shot->hidden_target = 1;
-  EXPECT_EQ(reason_text(result), kBest + "; instance 8 hides target 1 from the place of the shot") << "what is so comes before what will be";
+  EXPECT_EQ(reason_text(result), kBest + "; instance 8 hides target 1 from the place of the shot")
+      << "what is so comes before what will be";
 }
 
 TEST(ReasonText, NamesTheLimitThatTheShotBreaks) {

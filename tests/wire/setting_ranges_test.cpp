@@ -115,7 +115,8 @@ TEST(SettingRanges, AllValuesOfAnEnumAreTakenAndNoOther) {
 std::string value_text(const FoundSetting& setting) {
   const auto& reflection = *setting.message.GetReflection();
   if (const auto* values = setting.field.enum_type()) {
-    const std::string name = values->FindValueByNumber(reflection.GetEnumValue(setting.message, &setting.field))->name();
+    const std::string name = values->FindValueByNumber(reflection.GetEnumValue(setting.message, &setting.field))
+                                 ->name();
     return name.substr(values->value(0)->name().size() - std::string("UNSPECIFIED").size());
   }
   if (setting.field.cpp_type() == FieldDescriptor::CPPTYPE_BOOL)
@@ -143,8 +144,7 @@ TEST(SettingRanges, ACostWithoutAnyWeightIsRefused) {
   settings.cost.surroundings = settings.cost.steadiness = 1;
   ASSERT_FALSE(validate(settings));
   EXPECT_EQ(validate(settings).error().field, "tuning.move.cost");
-  for (const auto weight :
-       {&CostWeights::occlusion, &CostWeights::distance, &CostWeights::route}) {
+  for (const auto weight : {&CostWeights::occlusion, &CostWeights::distance, &CostWeights::route}) {
     MoveSettings one = settings;
     one.cost.*weight = 1e-3;
     EXPECT_TRUE(validate(one));

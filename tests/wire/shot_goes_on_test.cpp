@@ -44,9 +44,11 @@ v1::OpenSession opening(v1::Convention::Preset preset) {
   if (preset == v1::Convention::PRESET_CUSTOM) {
     // +Z is up, +Y ahead, in metres.
     v1::CustomConvention& custom = *convention.mutable_custom();
-    custom.set_x(v1::CustomConvention::AXIS_PLUS_X), custom.set_y(v1::CustomConvention::AXIS_MINUS_Z), custom.set_z(v1::CustomConvention::AXIS_PLUS_Y);
+    custom.set_x(v1::CustomConvention::AXIS_PLUS_X), custom.set_y(v1::CustomConvention::AXIS_MINUS_Z),
+        custom.set_z(v1::CustomConvention::AXIS_PLUS_Y);
     custom.set_metres_per_unit(1);
-    custom.set_camera_forward(v1::CustomConvention::AXIS_PLUS_Y), custom.set_camera_up(v1::CustomConvention::AXIS_PLUS_Z);
+    custom.set_camera_forward(v1::CustomConvention::AXIS_PLUS_Y),
+        custom.set_camera_up(v1::CustomConvention::AXIS_PLUS_Z);
   }
   const double unit = preset == v1::Convention::PRESET_UNREAL ? 100 : 1;
   add_capsule(open, 1, 0, 0, 0);
@@ -57,17 +59,19 @@ v1::OpenSession opening(v1::Convention::Preset preset) {
 }
 
 // The camera at `eye_m`, looking at `at_m`, canonical axes.
-v1::OpenSession request_with_camera(v1::OpenSession request, const glm::dvec3& eye_m, const glm::dvec3& at_m, const Convention& convention) {
+v1::OpenSession request_with_camera(v1::OpenSession request, const glm::dvec3& eye_m, const glm::dvec3& at_m,
+                                    const Convention& convention) {
   const Pose pose = camera_to_client(convention, {eye_m, look_rotation(at_m - eye_m, {0, 1, 0}, {1, 0, 0})});
   set(request.mutable_camera()->mutable_position(), pose.position_m.x, pose.position_m.y, pose.position_m.z);
   v1::Quat& rotation = *request.mutable_camera()->mutable_rotation();
-  rotation.set_x(pose.rotation.x), rotation.set_y(pose.rotation.y), rotation.set_z(pose.rotation.z), rotation.set_w(pose.rotation.w);
+  rotation.set_x(pose.rotation.x), rotation.set_y(pose.rotation.y), rotation.set_z(pose.rotation.z),
+      rotation.set_w(pose.rotation.w);
   return request;
 }
 
 TEST_F(ShotGoesOn, InEveryConvention) {
-  for (const auto preset : {v1::Convention::PRESET_GLTF, v1::Convention::PRESET_GODOT, v1::Convention::PRESET_UNITY, v1::Convention::PRESET_UNREAL,
-                            v1::Convention::PRESET_ROS, v1::Convention::PRESET_CUSTOM}) {
+  for (const auto preset : {v1::Convention::PRESET_GLTF, v1::Convention::PRESET_GODOT, v1::Convention::PRESET_UNITY,
+                            v1::Convention::PRESET_UNREAL, v1::Convention::PRESET_ROS, v1::Convention::PRESET_CUSTOM}) {
     v1::OpenSession request = opening(preset);
     request.mutable_camera();
     const Convention convention = must_read(request).convention;
@@ -92,7 +96,8 @@ TEST_F(ShotGoesOn, InEveryConvention) {
   }
 }
 
-// The first session took the left side. The second one begins with a camera that evades on the right, and keeps to the left.
+// The first session took the left side. The second one begins with a camera that evades on the right, and keeps to the
+// left.
 TEST_F(ShotGoesOn, OnTheSideThatWasTaken) {
   v1::OpenSession request = opening(v1::Convention::PRESET_GLTF);
   add_capsule(request, 2, 2, 0, 0);

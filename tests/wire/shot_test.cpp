@@ -19,7 +19,8 @@ v1::Shot full_shot() {
   v1::Shot shot;
   shot.add_subject_ids(7), shot.add_subject_ids(8);
   shot.set_frame(v1::Shot::FRAME_LINE), shot.set_frame_id(7), shot.set_line_to_id(8);
-  shot.set_side_rad(1.0), shot.set_height_rad(0.2), shot.set_orbit_radps(-0.5), shot.set_distance(300), shot.set_tolerance(0.4), shot.set_weight(2);
+  shot.set_side_rad(1.0), shot.set_height_rad(0.2), shot.set_orbit_radps(-0.5), shot.set_distance(300),
+      shot.set_tolerance(0.4), shot.set_weight(2);
   v1::Shot::Place& place = *shot.add_places();
   place.set_id(8), place.set_x(0.3), place.set_y(-0.2);
   shot.set_cut(true), shot.set_blend_s(2);
@@ -104,7 +105,8 @@ TEST(ShotOnTheWire, WrongValuesAreRefusedByName) {
   v1::Shot many = full_shot();
   for (uint64_t id = 10; id < 50; ++id) many.add_subject_ids(id);
   AskedShot read;
-  EXPECT_EQ(read_shot(many, gltf_convention(), Lens{}.aspect, "shot", read).error().code, ErrorCode::kResourceExhausted);
+  EXPECT_EQ(read_shot(many, gltf_convention(), Lens{}.aspect, "shot", read).error().code,
+            ErrorCode::kResourceExhausted);
 }
 
 TEST(ShotOnTheWire, RoundedRightAnglesAreRightAngles) {

@@ -8,9 +8,9 @@
 #include <set>
 #include <utility>
 
+#include "server/sample/embree_sampler.h"
 #include "server/step/quality_level.h"
 #include "server/wire/from_proto.h"
-#include "server/sample/embree_sampler.h"
 #include "tests/wire/wire.h"
 
 namespace sightline::test {
@@ -92,8 +92,7 @@ TEST(ToProto, AReplySaysWhatWasAsked) {
   EXPECT_EQ(reply.targets(0).id(), 1u);
   EXPECT_EQ(reply.targets(0).state(), v1::TARGET_STATE_VISIBLE);
   EXPECT_EQ(reply.targets(0).visible_share(), 1.0);
-  EXPECT_NEAR(reply.targets(0).distance(), glm::distance(vec(reply.pose().position()), glm::dvec3(-1, 1, 0)),
-              1e-6);
+  EXPECT_NEAR(reply.targets(0).distance(), glm::distance(vec(reply.pose().position()), glm::dvec3(-1, 1, 0)), 1e-6);
   EXPECT_GT(reply.candidate_counts().total(), 0u);
   EXPECT_EQ(reply.candidate_counts().target_visible_counts_size(), 2);
   EXPECT_EQ(reply.volume_used(), v1::VOLUME_USED_LATTICE);
@@ -184,7 +183,8 @@ TEST(ToProto, LengthsAreInTheClientsUnit) {
         set(observed.mutable_pose()->mutable_position(), 0.5, 1.7, 6);
         observed.mutable_pose()->mutable_rotation()->set_w(1);
         set(observed.mutable_velocity(), 1, 0, 0.5);
-        if (tick == &b) in_centimetres(observed.mutable_pose()->mutable_position()), in_centimetres(observed.mutable_velocity());
+        if (tick == &b)
+          in_centimetres(observed.mutable_pose()->mutable_position()), in_centimetres(observed.mutable_velocity());
       }
     }
     const v1::CameraReply x = metres.play(a), y = centimetres.play(b);
@@ -205,10 +205,11 @@ TEST(ToProto, TheRelativePoseComposesInTheClientsUnits) {
   const glm::dquat turned = glm::normalize(glm::dquat(0.8f, 0, 0.6f, 0));
   expect_near(glm::dvec3(1, 1, 0) + turned * vec(reply.relative_pose().pose().position()),
               vec(reply.pose().position()));
-  EXPECT_LT(angle_between(turned * quat(reply.relative_pose().pose().rotation()), quat(reply.pose().rotation())),
+  EXPECT_LT(angle_between(turned * quat(reply.relative_pose().pose().rotation()), quat(reply.pose().rotation())), 1e-7);
+  expect_near(glm::dvec3(1, 1, 0) + vec(reply.relative_pose().unrotated_pose().position()),
+              vec(reply.pose().position()));
+  EXPECT_LT(angle_between(quat(reply.relative_pose().unrotated_pose().rotation()), quat(reply.pose().rotation())),
             1e-7);
-  expect_near(glm::dvec3(1, 1, 0) + vec(reply.relative_pose().unrotated_pose().position()), vec(reply.pose().position()));
-  EXPECT_LT(angle_between(quat(reply.relative_pose().unrotated_pose().rotation()), quat(reply.pose().rotation())), 1e-7);
 }
 
 TEST(ToProto, AHiddenTargetNamesItsOccluder) {
@@ -259,15 +260,22 @@ TEST(ToProto, TheStatusTheForecastTheOccludersAndTheFlagsAreSent) {
   ASSERT_TRUE(answer);
   StepResult& step = answer->step;
   step.view_s = 1.25, step.blocked_by = 77;
-  step.flags = {.dt_capped = false, .used_cube_map = false, .body_overlap = false, .evading = true, .deflected = true,
+  step.flags = {.dt_capped = false,
+                .used_cube_map = false,
+                .body_overlap = false,
+                .evading = true,
+                .deflected = true,
                 .new_shot = true};
   step.targets[0].forecast = SightForecast{0.5, 0.25, 0.75, 0.375};
   step.targets[1].forecast = SightForecast{0.5, 1.0, 0.5, std::nullopt};
   step.targets[0].occlusions.push_back({9, 0.5}), step.targets[0].occlusions.push_back({8, 0.125});
   const std::pair<TrackingStatus, v1::TrackingStatus> statuses[] = {
-      {TrackingStatus::kTracking, v1::TRACKING_STATUS_TRACKING}, {TrackingStatus::kPartialView, v1::TRACKING_STATUS_PARTIAL_VIEW},
-      {TrackingStatus::kSeeking, v1::TRACKING_STATUS_SEEKING},   {TrackingStatus::kBlocked, v1::TRACKING_STATUS_BLOCKED},
-      {TrackingStatus::kWaiting, v1::TRACKING_STATUS_WAITING},   {TrackingStatus::kLost, v1::TRACKING_STATUS_LOST},
+      {TrackingStatus::kTracking, v1::TRACKING_STATUS_TRACKING},
+      {TrackingStatus::kPartialView, v1::TRACKING_STATUS_PARTIAL_VIEW},
+      {TrackingStatus::kSeeking, v1::TRACKING_STATUS_SEEKING},
+      {TrackingStatus::kBlocked, v1::TRACKING_STATUS_BLOCKED},
+      {TrackingStatus::kWaiting, v1::TRACKING_STATUS_WAITING},
+      {TrackingStatus::kLost, v1::TRACKING_STATUS_LOST},
       {TrackingStatus::kHolding, v1::TRACKING_STATUS_HOLDING}};
   v1::CameraReply reply;
   for (const auto& [status, sent] : statuses) {
@@ -412,17 +420,19 @@ void add_box(v1::OpenSession& open, uint64_t id, const glm::dvec3& center, const
   set(instance.mutable_pose()->mutable_position(), center.x, center.y, center.z);
 }
 
-// A wall of four boxes between the people and the camera. Its near side is at z = 1.9, and the boxes meet at x = 0, y = 1.2.
+// A wall of four boxes between the people and the camera. Its near side is at z = 1.9, and the boxes meet at x = 0, y
+// = 1.2.
 v1::OpenSession open_with_quartered_wall() {
   v1::OpenSession open = make_open();
   for (const int right : {0, 1})
     for (const int above : {0, 1})
-      add_box(open, static_cast<uint64_t>(701 + right + 2 * above), {right ? 10 : -10, above ? 11.2 : -8.8, 2}, {10, 10, 0.1});
+      add_box(open, static_cast<uint64_t>(701 + right + 2 * above), {right ? 10 : -10, above ? 11.2 : -8.8, 2},
+              {10, 10, 0.1});
   return open;
 }
 
-// The distances from the eye of a map to the plane z = 1.9 along the four corners of a texel, and the boxes that these corners show. The ray of the
-// texel is somewhere between them.
+// The distances from the eye of a map to the plane z = 1.9 along the four corners of a texel, and the boxes that these
+// corners show. The ray of the texel is somewhere between them.
 struct TexelOnWall {
   TexelOnWall(const v1::DepthMap& map, int index) {
     const int x = index % static_cast<int>(map.width()), y = index / static_cast<int>(map.width());
@@ -451,7 +461,8 @@ TEST(ToProto, ADepthMapHasTheDistanceAndTheIdOfEachTexelsOccluder) {
     for (int i = 0; i < map.distances_m_size(); ++i) {
       EXPECT_EQ(map.occluder_ids(i) == 0, std::isinf(map.distances_m(i)));
       const TexelOnWall texel(map, i);
-      if (!texel.towards_wall || map.occluder_ids(i) == 1 || map.occluder_ids(i) == 2) continue;  // a person may stand before the wall
+      // a person may stand before the wall
+      if (!texel.towards_wall || map.occluder_ids(i) == 1 || map.occluder_ids(i) == 2) continue;
       EXPECT_GT(map.distances_m(i), texel.least_m - 0.02);
       EXPECT_LT(map.distances_m(i), texel.most_m + 0.02);
       EXPECT_TRUE(texel.boxes.contains(map.occluder_ids(i))) << map.occluder_ids(i);
@@ -471,7 +482,8 @@ TEST(ToProto, DepthMapsThatNothingHidesHaveNoOccluder) {
   EXPECT_GT(free_texels, 0);
 }
 
-// The camera goes to a candidate when it sees more from there. With the default settings it flies to places of its plan instead.
+// The camera goes to a candidate when it sees more from there. With the default settings it flies to places of its plan
+// instead.
 TEST(ToProto, TheChosenCandidateIsToldWhereOneIsChosen) {
   v1::OpenSession open = make_open();
   open.mutable_settings()->set_preset(v1::Settings::PRESET_PAPER);
@@ -480,7 +492,8 @@ TEST(ToProto, TheChosenCandidateIsToldWhereOneIsChosen) {
   for (uint64_t sequence = 1; sequence <= 40; ++sequence) {
     v1::Tick tick = make_tick(sequence);
     for (int i = 0; i < tick.transforms().ids_size(); ++i)
-      if (tick.transforms().ids(i) == 1) tick.mutable_transforms()->set_positions(3 * i + 2, -0.3 * static_cast<double>(sequence));
+      if (tick.transforms().ids(i) == 1)
+        tick.mutable_transforms()->set_positions(3 * i + 2, -0.3 * static_cast<double>(sequence));
     const int chosen = wire.play(tick, {true, true}).candidates().chosen_index();
     EXPECT_EQ(chosen, wire.session->dump().decision.chosen_candidate);
     chosen_times += chosen >= 0;

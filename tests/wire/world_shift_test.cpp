@@ -14,7 +14,9 @@ namespace {
 
 constexpr double kShiftM = -1000.0, kShiftEveryS = 5.0, kTick = 1.0 / 60;
 
-glm::dvec3 vec(const v1::Vec3& v) { return {v.x(), v.y(), v.z()}; }
+glm::dvec3 vec(const v1::Vec3& v) {
+  return {v.x(), v.y(), v.z()};
+}
 
 class WorldShift : public FromProto, public testing::WithParamInterface<v1::Convention::Preset> {
  protected:
@@ -43,7 +45,8 @@ class WorldShift : public FromProto, public testing::WithParamInterface<v1::Conv
     const Pose camera = camera_to_client(convention_, {{0, 2, 7}, glm::dquat(1, 0, 0, 0)});
     put(camera.position_m, *open.mutable_camera()->mutable_position());
     v1::Quat& rotation = *open.mutable_camera()->mutable_rotation();
-    rotation.set_x(camera.rotation.x), rotation.set_y(camera.rotation.y), rotation.set_z(camera.rotation.z), rotation.set_w(camera.rotation.w);
+    rotation.set_x(camera.rotation.x), rotation.set_y(camera.rotation.y), rotation.set_z(camera.rotation.z),
+        rotation.set_w(camera.rotation.w);
     return open;
   }
   std::unique_ptr<Session> open(const v1::OpenSession& request) {
@@ -51,7 +54,8 @@ class WorldShift : public FromProto, public testing::WithParamInterface<v1::Conv
     if (!session) throw std::runtime_error(to_string(session.error()));
     return std::move(*session);
   }
-  // Tick k of a walk; only the first person is named in every tick. `shifted`: by how much the world has been shifted so far.
+  // Tick k of a walk; only the first person is named in every tick. `shifted`: by how much the world has been shifted
+  // so far.
   v1::Tick walk(uint64_t k, const glm::dvec3& shifted) const {
     const double time_s = static_cast<double>(k) * kTick;
     v1::Tick tick;
@@ -81,7 +85,9 @@ class WorldShift : public FromProto, public testing::WithParamInterface<v1::Conv
   Convention convention_;
   std::unique_ptr<SamplerDevice> device_ = make_embree_sampler_device();
 };
-INSTANTIATE_TEST_SUITE_P(Conventions, WorldShift, testing::Values(v1::Convention::PRESET_GLTF, v1::Convention::PRESET_UNITY, v1::Convention::PRESET_UNREAL));
+INSTANTIATE_TEST_SUITE_P(Conventions, WorldShift,
+                         testing::Values(v1::Convention::PRESET_GLTF, v1::Convention::PRESET_UNITY,
+                                         v1::Convention::PRESET_UNREAL));
 
 TEST_P(WorldShift, TheCameraGoesOnAsIfNothingHadHappened) {
   const v1::OpenSession request = opening();
@@ -97,7 +103,8 @@ TEST_P(WorldShift, TheCameraGoesOnAsIfNothingHadHappened) {
     // For half of the time the client sends back where its camera is, in the world as it is now.
     if (k > 1800) {
       *tick.mutable_observed_camera()->mutable_pose() = last.pose();
-      put(vec(last.pose().position()) + (shifts ? by : glm::dvec3(0.0)), *tick.mutable_observed_camera()->mutable_pose()->mutable_position());
+      put(vec(last.pose().position()) + (shifts ? by : glm::dvec3(0.0)),
+          *tick.mutable_observed_camera()->mutable_pose()->mutable_position());
     }
     ASSERT_TRUE(apply(*still, walk(k, glm::dvec3(0.0))));
     ASSERT_TRUE(apply(*shifting, tick));
@@ -136,7 +143,8 @@ TEST_P(WorldShift, GoesOnInAnotherDaemonWhereItWas) {
     if (!was.geometry) continue;
     const Instance* is = second->mirror().find(was.id);
     ASSERT_TRUE(is) << was.id;
-    const glm::dvec3 then = position_to_client(first->convention(), was.pose.position_m), now = position_to_client(second->convention(), is->pose.position_m);
+    const glm::dvec3 then = position_to_client(first->convention(), was.pose.position_m),
+                     now = position_to_client(second->convention(), is->pose.position_m);
     EXPECT_LT(glm::distance(then, now), 1e-6 * unit()) << was.id;
   }
   EXPECT_LT(glm::distance(vec(reply(*second).pose().position()), vec(last.pose().position())), 0.2 * unit());
@@ -167,7 +175,9 @@ TEST_P(WorldShift, ALevelIsWhereItsReferencePutsIt) {
   for (const Instance& node : plain->mirror().instances()) {
     if ((node.id & kAssetIdBit) == 0) continue;
     ++nodes;
-    EXPECT_LT(glm::distance(placed->mirror().find(node.id)->pose.position_m, node.pose.position_m + glm::dvec3(40, 0, -5)), 1e-9);
+    EXPECT_LT(
+        glm::distance(placed->mirror().find(node.id)->pose.position_m, node.pose.position_m + glm::dvec3(40, 0, -5)),
+        1e-9);
   }
   EXPECT_EQ(nodes, 2u);
 }

@@ -57,13 +57,11 @@ const WrongOpen kWrongOpens[] = {
      [](v1::OpenSession& o) { custom(o).set_camera_up(v1::CustomConvention::AXIS_PLUS_Z); }},
     {"open.convention.custom.metres_per_unit", E::kInvalidArgument,
      [](v1::OpenSession& o) { custom(o).clear_metres_per_unit(); }},
-    {"open.world_origin.y", E::kInvalidArgument,
-     [](v1::OpenSession& o) { set(o.mutable_world_origin(), 0, kInf, 0); }},
+    {"open.world_origin.y", E::kInvalidArgument, [](v1::OpenSession& o) { set(o.mutable_world_origin(), 0, kInf, 0); }},
     {"open.camera", E::kInvalidArgument, [](v1::OpenSession& o) { o.clear_camera(); }},
     {"open.camera.position.z", E::kInvalidArgument,
      [](v1::OpenSession& o) { o.mutable_camera()->mutable_position()->set_z(kNan); }},
-    {"open.camera.rotation", E::kInvalidArgument,
-     [](v1::OpenSession& o) { o.mutable_camera()->mutable_rotation(); }},
+    {"open.camera.rotation", E::kInvalidArgument, [](v1::OpenSession& o) { o.mutable_camera()->mutable_rotation(); }},
     {"open.camera.rotation", E::kInvalidArgument,
      [](v1::OpenSession& o) { o.mutable_camera()->mutable_rotation()->set_w(1.002); }},
     {"open.camera.rotation", E::kInvalidArgument,
@@ -92,9 +90,7 @@ const WrongOpen kWrongOpens[] = {
        o.mutable_tuning()->mutable_aggregate()->set_volume(unknown<tuning::v1alpha1::Volume>());
      }},
     {"open.settings.follow", E::kInvalidArgument,
-     [](v1::OpenSession& o) {
-       o.mutable_settings()->set_follow(unknown<v1::Settings::Follow>());
-     }},
+     [](v1::OpenSession& o) { o.mutable_settings()->set_follow(unknown<v1::Settings::Follow>()); }},
     {"open.settings.max_vertical_fov_rad", E::kInvalidArgument,
      [](v1::OpenSession& o) { o.mutable_settings()->set_min_vertical_fov_rad(0.5); }},
     {"open.settings.min_vertical_fov_rad", E::kInvalidArgument,
@@ -114,10 +110,8 @@ const WrongOpen kWrongOpens[] = {
      [](v1::OpenSession& o) { set(o.mutable_targets(1)->mutable_aim_offset(), kNan, 0, 0); }},
     {"open.instances[0].id", E::kInvalidArgument, [](v1::OpenSession& o) { first(o).set_id(0); }},
     {"open.instances[0].id", E::kInvalidArgument, [](v1::OpenSession& o) { first(o).set_id(kAssetIdBit); }},
-    {"open.instances[0].geometry", E::kInvalidArgument,
-     [](v1::OpenSession& o) { first(o).clear_geometry(); }},
-    {"open.instances[0].shape", E::kInvalidArgument,
-     [](v1::OpenSession& o) { first(o).mutable_shape()->Clear(); }},
+    {"open.instances[0].geometry", E::kInvalidArgument, [](v1::OpenSession& o) { first(o).clear_geometry(); }},
+    {"open.instances[0].shape", E::kInvalidArgument, [](v1::OpenSession& o) { first(o).mutable_shape()->Clear(); }},
     {"open.instances[0].shape.offset.y", E::kInvalidArgument,
      [](v1::OpenSession& o) { first(o).mutable_shape()->mutable_offset()->set_y(2e5); }},
     {"open.instances[0].shape.offset", E::kInvalidArgument,
@@ -163,9 +157,7 @@ const WrongOpen kWrongOpens[] = {
        first(o).mutable_shape()->mutable_sphere()->set_radius(0.009);
      }},
     {"open.instances[0].shape.box.half_extent.y", E::kInvalidArgument,
-     [](v1::OpenSession& o) {
-       set(first(o).mutable_shape()->mutable_box()->mutable_half_extent(), 1, -1, 1);
-     }},
+     [](v1::OpenSession& o) { set(first(o).mutable_shape()->mutable_box()->mutable_half_extent(), 1, -1, 1); }},
     {"open.instances[0].scale.z", E::kInvalidArgument,
      [](v1::OpenSession& o) { set(first(o).mutable_scale(), 1, 1, 0); }},
     {"open.instances[0].scale.x", E::kInvalidArgument,
@@ -186,14 +178,10 @@ const WrongOpen kWrongOpens[] = {
      }},
     {"open.scene.source", E::kInvalidArgument, [](v1::OpenSession& o) { o.mutable_scene(); }},
     {"open.scene.name", E::kNotFound, [](v1::OpenSession& o) { o.mutable_scene()->set_name("none.glb"); }},
-    {"open.scene.name", E::kInvalidArgument,
-     [](v1::OpenSession& o) { o.mutable_scene()->set_name("../town.glb"); }},
-    {"open.scene.hash", E::kNotFound,
-     [](v1::OpenSession& o) { o.mutable_scene()->set_hash(std::string(32, '0')); }},
+    {"open.scene.name", E::kInvalidArgument, [](v1::OpenSession& o) { o.mutable_scene()->set_name("../town.glb"); }},
+    {"open.scene.hash", E::kNotFound, [](v1::OpenSession& o) { o.mutable_scene()->set_hash(std::string(32, '0')); }},
     {"open.scene.metres_per_unit", E::kInvalidArgument,
-     [](v1::OpenSession& o) {
-       o.mutable_scene()->set_name("town.glb"), o.mutable_scene()->set_metres_per_unit(0);
-     }},
+     [](v1::OpenSession& o) { o.mutable_scene()->set_name("town.glb"), o.mutable_scene()->set_metres_per_unit(0); }},
     {"open.scene.bindings[0].node", E::kNotFound,
      [](v1::OpenSession& o) {
        o.mutable_scene()->set_name("town.glb");
@@ -269,16 +257,14 @@ const WrongTick kWrongTicks[] = {
        set(t.mutable_observed_camera()->mutable_angular_velocity(), kNan, 0, 0);
      }},
     {"tick.lens.aspect", [](v1::Tick& t) { t.mutable_lens()->set_aspect(20); }},
-    {"tick.settings.preset",
-     [](v1::Tick& t) { t.mutable_settings()->set_preset(unknown<v1::Settings::Preset>()); }},
+    {"tick.settings.preset", [](v1::Tick& t) { t.mutable_settings()->set_preset(unknown<v1::Settings::Preset>()); }},
     {"tick.tuning.aggregate.filter.mode",
      [](v1::Tick& t) {
        t.mutable_tuning()->mutable_aggregate()->mutable_filter()->set_mode(unknown<tuning::v1alpha1::FilterMode>());
      }},
     {"tick.tuning.move.strategy",
      [](v1::Tick& t) { t.mutable_tuning()->mutable_move()->set_strategy(unknown<tuning::v1alpha1::Strategy>()); }},
-    {"tick.settings.max_vertical_fov_rad",
-     [](v1::Tick& t) { t.mutable_settings()->set_min_vertical_fov_rad(0.5); }},
+    {"tick.settings.max_vertical_fov_rad", [](v1::Tick& t) { t.mutable_settings()->set_min_vertical_fov_rad(0.5); }},
 };
 
 class WrongTicksOnTheWire : public FromProto, public testing::WithParamInterface<WrongTick> {};
@@ -299,7 +285,8 @@ TEST_F(FromProto, AnIdThatWasNegativeIsToldWhatItShouldBe) {
   v1::OpenSession open = make_open();
   first(open).set_id(static_cast<uint64_t>(int64_t{-10}));
   EXPECT_EQ(read(open).error().message,
-            "must be in [1, 2^63), got 18446744073709551606, which is -10 as a signed number; convert a 32-bit id to an unsigned one first: "
+            "must be in [1, 2^63), got 18446744073709551606, which is -10 as a signed number; convert a 32-bit id to "
+            "an unsigned one first: "
             "4294967286");
   first(open).set_id(kAssetIdBit);
   EXPECT_EQ(read(open).error().message, "must be in [1, 2^63), got 9223372036854775808");

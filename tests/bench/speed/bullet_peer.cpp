@@ -31,8 +31,7 @@ class BulletPeer final : public RayPeer {
       : mirror_(mirror), dispatcher_(&configuration_), world_(&dispatcher_, &broadphase_, &configuration_) {
     for (uint32_t slot = 0; slot < mirror.instances().size(); ++slot) {
       const Instance& instance = mirror.instances()[slot];
-      if (instance.geometry && instance.occludes() && instance.geometry->occluding_index_count > 0)
-        add(instance, slot);
+      if (instance.geometry && instance.occludes() && instance.geometry->occluding_index_count > 0) add(instance, slot);
     }
     world_.updateAabbs();
   }
@@ -74,8 +73,8 @@ class BulletPeer final : public RayPeer {
 
   static btTransform placed(const Instance& instance) {
     const glm::dquat& q = instance.pose.rotation;
-    return btTransform(btQuaternion(static_cast<btScalar>(q.x), static_cast<btScalar>(q.y),
-                                    static_cast<btScalar>(q.z), static_cast<btScalar>(q.w)),
+    return btTransform(btQuaternion(static_cast<btScalar>(q.x), static_cast<btScalar>(q.y), static_cast<btScalar>(q.z),
+                                    static_cast<btScalar>(q.w)),
                        to_bullet(instance.pose.position_m));
   }
 
@@ -86,8 +85,7 @@ class BulletPeer final : public RayPeer {
     Shape& shape = shapes_[key];
     if (shape.mesh) return shape.mesh.get();
     Instance at_origin = instance;
-    at_origin.world_from_instance =
-        Affine(instance.linear[0], instance.linear[1], instance.linear[2], glm::dvec3(0.0));
+    at_origin.world_from_instance = Affine(instance.linear[0], instance.linear[1], instance.linear[2], glm::dvec3(0.0));
     append_flat(at_origin, shape.triangles);
     auto* indices = reinterpret_cast<int*>(shape.triangles.indices.data());
     shape.view = std::make_unique<btTriangleIndexVertexArray>(

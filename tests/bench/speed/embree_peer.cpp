@@ -20,8 +20,7 @@ class EmbreePeer final : public RayPeer {
     moving_ = rtcNewScene(device_);
     rtcSetSceneFlags(moving_, RTC_SCENE_FLAG_DYNAMIC);
     rtcSetSceneBuildQuality(moving_, RTC_BUILD_QUALITY_LOW);
-    for (size_t i = 0; i < movers_.size(); ++i)
-      add_mover(mirror.instances()[movers_[i]], static_cast<unsigned>(i));
+    for (size_t i = 0; i < movers_.size(); ++i) add_mover(mirror.instances()[movers_[i]], static_cast<unsigned>(i));
     prepare();
   }
   ~EmbreePeer() override {
@@ -80,10 +79,10 @@ class EmbreePeer final : public RayPeer {
 
   void add_triangles(RTCScene scene, const FlatTriangles& flat) {
     RTCGeometry mesh = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_TRIANGLE);
-    auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(
-        mesh, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(glm::vec3), flat.positions.size()));
-    auto* indices = static_cast<uint32_t*>(rtcSetNewGeometryBuffer(
-        mesh, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 3 * sizeof(uint32_t), flat.indices.size() / 3));
+    auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(mesh, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                                                                 sizeof(glm::vec3), flat.positions.size()));
+    auto* indices = static_cast<uint32_t*>(rtcSetNewGeometryBuffer(mesh, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                                                                   3 * sizeof(uint32_t), flat.indices.size() / 3));
     std::copy_n(&flat.positions[0].x, 3 * flat.positions.size(), vertices);
     std::copy(flat.indices.begin(), flat.indices.end(), indices);
     rtcSetGeometryMask(mesh, ~0u);

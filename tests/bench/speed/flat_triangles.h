@@ -18,8 +18,7 @@ inline void append_flat(const Instance& instance, FlatTriangles& flat) {
   const Geometry& geometry = *instance.geometry;
   for (const glm::vec3& p : geometry.positions)
     flat.positions.push_back(glm::vec3(transform_point(instance.world_from_instance, glm::dvec3(p))));
-  for (uint32_t i = 0; i < geometry.occluding_index_count; ++i)
-    flat.indices.push_back(base + geometry.indices[i]);
+  for (uint32_t i = 0; i < geometry.occluding_index_count; ++i) flat.indices.push_back(base + geometry.indices[i]);
 }
 
 inline FlatTriangles flat_statics(const SceneMirror& mirror) {

@@ -76,8 +76,7 @@ GridCity::GridCity(const GridCityOptions& options) : options_(with_group(options
     held_tables_.push_back(extents_.get(mirror_.find(target.instance_id)->geometry));
     tables_.push_back(held_tables_.back().get());
   }
-  for (int i = 0; i < walkers(); ++i)
-    update_.ids.push_back(kFirstWalkerId + static_cast<uint64_t>(i));
+  for (int i = 0; i < walkers(); ++i) update_.ids.push_back(kFirstWalkerId + static_cast<uint64_t>(i));
   update_.poses.resize(update_.ids.size());
   update_.velocities_mps.resize(update_.ids.size());
   advance(0);
@@ -143,8 +142,7 @@ double GridCity::advance(int tick) {
   for (size_t i = 0; i < update_.ids.size(); ++i) {
     const int walker = static_cast<int>(i);
     update_.poses[i] = walker_pose(walker, tick);
-    update_.velocities_mps[i] =
-        (walker_pose(walker, tick + 1).position_m - update_.poses[i].position_m) * (1 / kTickS);
+    update_.velocities_mps[i] = (walker_pose(walker, tick + 1).position_m - update_.poses[i].position_m) * (1 / kTickS);
   }
   const auto begin = std::chrono::steady_clock::now();
   must(mirror_.apply({}, update_));

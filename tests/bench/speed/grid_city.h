@@ -16,9 +16,10 @@ struct GridCityOptions {
   int cells = 8;             // every face of a block is cut into cells x cells: 12 cells^2 triangles
   bool own_geometry = true;  // every block has a geometry of its own; else all blocks of a street share one
   int targets = 2;           // [1, kMaxTargets]
-  int group = 0;             // number of walkers in the group, from which the targets are chosen evenly; 0: the targets alone
-  int movers = 0;            // moving occluders beyond the group
-  int props = 0;             // small static instances, all of one geometry
+  // number of walkers in the group, from which the targets are chosen evenly; 0: the targets alone
+  int group = 0;
+  int movers = 0;  // moving occluders beyond the group
+  int props = 0;   // small static instances, all of one geometry
 };
 
 // Deterministic. Single-threaded.

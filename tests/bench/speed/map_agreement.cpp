@@ -3,8 +3,10 @@
 namespace sightline::bench {
 namespace {
 
-// Returns the share of a peer's answers that the step gives too, or -1 without any. Bit t of counts[k] says whether candidate k counts for target t.
-double agreement(const std::vector<uint32_t>& seen, const std::vector<uint32_t>& counts, const StepDump& dump, size_t targets) {
+// Returns the share of a peer's answers that the step gives too, or -1 without any. Bit t of counts[k] says whether
+// candidate k counts for target t.
+double agreement(const std::vector<uint32_t>& seen, const std::vector<uint32_t>& counts, const StepDump& dump,
+                 size_t targets) {
   size_t same = 0, all = 0;
   for (size_t k = 0; k < seen.size(); ++k)
     for (size_t t = 0; t < targets; ++t)
@@ -41,7 +43,8 @@ void MapAgreement::find_clear(const SeenFrom& from, const std::vector<glm::dvec3
   for (size_t k = 0; k < clear_.size(); ++k) clear_[k] |= static_cast<uint32_t>(before_[k] == beyond_[k]) << t;
 }
 
-double MapAgreement::on_rays(const StepDump& dump, const std::vector<SeenFrom>& from, const std::vector<glm::dvec3>& place_m) {
+double MapAgreement::on_rays(const StepDump& dump, const std::vector<SeenFrom>& from,
+                             const std::vector<glm::dvec3>& place_m) {
   std::vector<uint32_t> on_ray_seen(place_m.size(), 0);
   std::vector<glm::dvec3> on_ray_m = place_m;
   clear_.assign(place_m.size(), 0);
@@ -51,8 +54,8 @@ double MapAgreement::on_rays(const StepDump& dump, const std::vector<SeenFrom>& 
     const MapView& view = dump.plan.views[maps.first];
     for (size_t k = 0; k < place_m.size(); ++k) {
       const MapPoint at = project(view, place_m[k]);
-      const glm::dvec3 direction =
-          texel_direction(view, nearest_ray(at.x, view.jitter.x, view.width), nearest_ray(at.y, view.jitter.y, view.height));
+      const glm::dvec3 direction = texel_direction(view, nearest_ray(at.x, view.jitter.x, view.width),
+                                                   nearest_ray(at.y, view.jitter.y, view.height));
       on_ray_m[k] = view.eye_m + glm::distance(place_m[k], view.eye_m) * glm::normalize(direction);
     }
     peer_.look(std::span(&from[t], 1), on_ray_m, on_ray_);

@@ -32,11 +32,12 @@ class RayPeer {
 // instances in another scene.
 std::unique_ptr<RayPeer> make_embree_peer(const SceneMirror& mirror);
 
-// Bullet's btCollisionWorld::rayTest. Every instance is a collision object with a triangle-mesh shape, as in a game's physics.
+// Bullet's btCollisionWorld::rayTest. Every instance is a collision object with a triangle-mesh shape, as in a game's
+// physics.
 std::unique_ptr<RayPeer> make_bullet_peer(const SceneMirror& mirror);
 
-// The paper's method: the whole scene is drawn into every map, and each map is read back by glReadPixels. Everything that stands still
-// is one vertex buffer, drawn by one call.
+// The paper's method: the whole scene is drawn into every map, and each map is read back by glReadPixels. Everything
+// that stands still is one vertex buffer, drawn by one call.
 class DrawAllPeer {
  public:
   virtual ~DrawAllPeer() = default;

@@ -11,7 +11,6 @@
 #include <filesystem>
 
 #include "client/scenario/scenario_world.h"
-#include "tests/bench/step_timing.h"
 #include "server/gl/software_renderer.h"
 #include "server/sample/egl_sampler.h"
 #include "server/sample/embree_sampler.h"
@@ -20,6 +19,7 @@
 #include "tests/bench/speed/peers.h"
 #include "tests/bench/speed/plain_settings.h"
 #include "tests/bench/speed/timed_steps.h"
+#include "tests/bench/step_timing.h"
 
 namespace sightline::bench {
 namespace {
@@ -46,8 +46,7 @@ class TimedRays {
     track.name = std::move(name);
   }
 
-  void look(const SceneMirror& mirror, const std::vector<Target>& targets, const StepDump& dump,
-            bool keep) {
+  void look(const SceneMirror& mirror, const std::vector<Target>& targets, const StepDump& dump, bool keep) {
     from_.clear();
     for (size_t i = 0; i < targets.size(); ++i)
       from_.push_back({dump.targets.tracked_targets[i].aim_m, *mirror.slot_of(targets[i].instance_id)});
@@ -75,9 +74,7 @@ class TimedRays {
 
 class TimedDrawing {
  public:
-  explicit TimedDrawing(std::unique_ptr<DrawAllPeer> peer) : peer_(std::move(peer)) {
-    track.name = "draw all";
-  }
+  explicit TimedDrawing(std::unique_ptr<DrawAllPeer> peer) : peer_(std::move(peer)) { track.name = "draw all"; }
   // The maps over the bound of the step that was just taken, one for each target.
   void take(const StepDump& dump, bool keep) {
     const double begin_ms = now_ms();
@@ -122,11 +119,10 @@ void run_peers(Bench& bench) {
     for (const auto& device : bench.devices) {
       steps.push_back(std::make_unique<TimedSteps>(device->kind(), scene, plain_settings(r, r * r * r), *device));
       if (r <= 15)
-        defaults.push_back(std::make_unique<TimedSteps>(device->kind() + " default", scene,
-                                                        with_defaults(r, r * r * r), *device));
+        defaults.push_back(
+            std::make_unique<TimedSteps>(device->kind() + " default", scene, with_defaults(r, r * r * r), *device));
     }
-    TimedRays embree("embree rays", make_embree_peer(mirror)),
-        bullet("bullet rays", make_bullet_peer(mirror));
+    TimedRays embree("embree rays", make_embree_peer(mirror)), bullet("bullet rays", make_bullet_peer(mirror));
     std::unique_ptr<TimedDrawing> drawing;
     if (bench.devices.size() > 1)
       if (auto peer = make_draw_all_peer(mirror)) drawing = std::make_unique<TimedDrawing>(std::move(*peer));
@@ -167,8 +163,8 @@ class GridRun {
     for (const auto& device : bench.devices) {
       if (device->kind() == "egl" && !with_egl) continue;
       for (const auto& [name, each] : settings)
-        steps_.push_back(std::make_unique<TimedSteps>(device->kind() + (name.empty() ? "" : " " + name),
-                                                      scene_, each, *device));
+        steps_.push_back(
+            std::make_unique<TimedSteps>(device->kind() + (name.empty() ? "" : " " + name), scene_, each, *device));
     }
     for (auto& contender : steps_) contender->place(city_.camera());
   }
@@ -315,11 +311,9 @@ int run(int argc, char** argv) {
   std::string no_egl;
   bench.devices = timed_samplers(&no_egl);
   if (!no_egl.empty()) std::fprintf(stderr, "EGL rows left out: %s\n", no_egl.c_str());
-  for (const auto& device : bench.devices)
-    std::printf("%s: %s\n", device->kind().c_str(), device->renderer().c_str());
+  for (const auto& device : bench.devices) std::printf("%s: %s\n", device->kind().c_str(), device->renderer().c_str());
   for (const Section& section : kSections)
-    if (wanted.empty() || std::find(wanted.begin(), wanted.end(), section.name) != wanted.end())
-      section.run(bench);
+    if (wanted.empty() || std::find(wanted.begin(), wanted.end(), section.name) != wanted.end()) section.run(bench);
   return 0;
 }
 

@@ -32,7 +32,9 @@ std::string settings_of_loads() {
   text << file.rdbuf();
   const std::string script = text.str();
   std::smatch found;
-  if (!std::regex_search(script, found, std::regex("plain=\\(--preset paper --settings '\\{\"settings\":\\{(.*)\\}'\\)"))) return "";
+  if (!std::regex_search(script, found,
+                         std::regex("plain=\\(--preset paper --settings '\\{\"settings\":\\{(.*)\\}'\\)")))
+    return "";
   return "plain={\"settings\":{\"preset\":\"PRESET_PAPER\"," + found[1].str() + "}";
 }
 
@@ -43,7 +45,8 @@ TEST(PlainSettings, AreThoseOfTheServicesLoads) {
   settings.sample.resolution = 7;
   settings.sample.points = 8;
   settings.aggregate.candidates = 343;
-  EXPECT_EQ(settings_to_proto(settings).SerializeAsString(), settings_to_proto(plain_settings(7, 343, 8)).SerializeAsString());
+  EXPECT_EQ(settings_to_proto(settings).SerializeAsString(),
+            settings_to_proto(plain_settings(7, 343, 8)).SerializeAsString());
 }
 
 // The agreement of the plain steps with Embree's rays through the city, frame by frame from the start.
@@ -70,7 +73,8 @@ Agreement agreement_in_city(const StepSettings& settings, int frames) {
     steps.step();
     std::vector<SeenFrom> from;
     for (size_t t = 0; t < (*world)->targets().size(); ++t)
-      from.push_back({steps.dump().targets.tracked_targets[t].aim_m, *mirror.slot_of((*world)->targets()[t].instance_id)});
+      from.push_back(
+          {steps.dump().targets.tracked_targets[t].aim_m, *mirror.slot_of((*world)->targets()[t].instance_id)});
     std::vector<glm::dvec3> place_m;
     list_places(steps.dump().sights.candidates.position_m, place_m);
     rays->prepare();
@@ -94,7 +98,8 @@ TEST(MapAgreement, OfPlainStepsIsHighAndNearlyPerfectOnTheMapsRays) {
   EXPECT_GE(wide.share_on_rays, 0.99);
 }
 
-// A target that the ball contains, or comes near to, has several maps. A frame without any other target has nothing to compare on rays.
+// A target that the ball contains, or comes near to, has several maps. A frame without any other target has nothing to
+// compare on rays.
 TEST(MapAgreement, LeavesOutFramesWithNothingToCompare) {
   StepSettings near = plain_settings(5, 125);
   near.bound.horizon_s = 0.85;

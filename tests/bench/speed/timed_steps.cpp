@@ -23,8 +23,7 @@ double quantile(std::vector<double> values, double q) {
 
 double median_of_block(const std::vector<double>& values, size_t block) {
   const size_t first = block * values.size() / kBlocks, end = (block + 1) * values.size() / kBlocks;
-  return quantile(
-      {values.begin() + static_cast<ptrdiff_t>(first), values.begin() + static_cast<ptrdiff_t>(end)}, 0.5);
+  return quantile({values.begin() + static_cast<ptrdiff_t>(first), values.begin() + static_cast<ptrdiff_t>(end)}, 0.5);
 }
 
 std::string share_text(double share) {
@@ -37,8 +36,7 @@ double now_ms() {
   return 1e-6 * static_cast<double>(now_ns());
 }
 
-TimedSteps::TimedSteps(std::string name, const TimedScene& scene, const StepSettings& settings,
-                       SamplerDevice& device)
+TimedSteps::TimedSteps(std::string name, const TimedScene& scene, const StepSettings& settings, SamplerDevice& device)
     : scene_(scene), settings_(settings), sampler_(device.make_sampler()) {
   track_.name = std::move(name);
   if (const Status ok = validate(settings_); !ok)
@@ -86,8 +84,8 @@ void Tables::row(const std::string& section, double x, const Track& t) {
   std::fprintf(rows_, "%s,%.0f,%s,%zu,%zu,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%.4f,%s,%s\n", section.c_str(), x,
                t.name.c_str(), t.total_ms.size(), t.candidates, p50, quantile(t.total_ms, 0.05), p95,
                quantile(t.total_ms, 0.99), quantile(t.scene_ms, 0.5), quantile(t.sample_ms, 0.5),
-               quantile(t.aggregate_ms, 0.5), quantile(t.move_ms, 0.5),
-               share_text(t.agreement).c_str(), share_text(t.agreement_on_rays).c_str());
+               quantile(t.aggregate_ms, 0.5), quantile(t.move_ms, 0.5), share_text(t.agreement).c_str(),
+               share_text(t.agreement_on_rays).c_str());
   std::fflush(rows_);
   std::printf("%-18s %10.0f  %-22s p50 %9.4f ms  p95 %9.4f\n", section.c_str(), x, t.name.c_str(), p50, p95);
   std::fflush(stdout);
@@ -97,8 +95,8 @@ void Tables::ratio(const std::string& section, double x, const Track& ours, cons
   std::vector<double> ratios;
   for (size_t block = 0; block < kBlocks; ++block)
     ratios.push_back(median_of_block(other.total_ms, block) / median_of_block(ours.total_ms, block));
-  std::fprintf(ratios_, "%s,%.0f,%s,%s,%.3f,%.3f,%.3f\n", section.c_str(), x, ours.name.c_str(),
-               other.name.c_str(), quantile(ratios, 0.5), quantile(ratios, 0.0), quantile(ratios, 1.0));
+  std::fprintf(ratios_, "%s,%.0f,%s,%s,%.3f,%.3f,%.3f\n", section.c_str(), x, ours.name.c_str(), other.name.c_str(),
+               quantile(ratios, 0.5), quantile(ratios, 0.0), quantile(ratios, 1.0));
   std::fflush(ratios_);
 }
 

@@ -16,8 +16,9 @@ struct Track {
   std::string name;
   std::vector<double> total_ms, sample_ms, aggregate_ms, move_ms, scene_ms;
   size_t candidates = 0;
-  // The share of the candidates x targets on which a peer agrees with the step of the same frame. Candidates that lie on a surface do not count. For
-  // the second, every candidate is moved onto the nearest ray of the map. -1: not measured.
+  // The share of the candidates x targets on which a peer agrees with the step of the same frame. Candidates that lie
+  // on a surface do not count. For the second, every candidate is moved onto the nearest ray of the map. -1: not
+  // measured.
   double agreement = -1, agreement_on_rays = -1;
 };
 

@@ -33,7 +33,8 @@ Message from_json(const Json& json) {
 // "invalid argument" is INVALID_ARGUMENT.
 std::string code_name(ErrorCode code) {
   std::string name(to_string(code));
-  for (char& letter : name) letter = letter == ' ' ? '_' : static_cast<char>(std::toupper(static_cast<unsigned char>(letter)));
+  for (char& letter : name)
+    letter = letter == ' ' ? '_' : static_cast<char>(std::toupper(static_cast<unsigned char>(letter)));
   return name;
 }
 
@@ -69,7 +70,8 @@ Json open(std::optional<Camera>& camera, const Json& command) {
   CameraOptions options;
   if (command.contains("trust")) options.credentials = credentials_of(command.at("trust"));
   for (const std::string path : command.at("uploads")) options.uploads.push_back(read_file(path));
-  auto opened = Camera::open({command.at("address")}, from_json<v1::OpenSession>(command.at("open")), std::move(options));
+  auto opened = Camera::open({command.at("address")}, from_json<v1::OpenSession>(command.at("open")),
+                             std::move(options));
   if (!opened) return failed(opened.error());
   camera = std::move(*opened);
   return {{"opened", to_json(camera->opened())}};
@@ -109,7 +111,8 @@ Json open_live(Live& live, const Json& command) {
   LiveOptions options;
   options.wait = std::chrono::milliseconds(std::lround(1e3 * command.at("wait_s").get<double>()));
   live.camera.reset();
-  live.camera.emplace(LiveCamera::open({command.at("address")}, from_json<v1::OpenSession>(command.at("live_open")), options));
+  live.camera.emplace(
+      LiveCamera::open({command.at("address")}, from_json<v1::OpenSession>(command.at("live_open")), options));
   return {{"live", Json::object()}};
 }
 
@@ -145,14 +148,19 @@ Json tick_live(Live& live, const Json& command) {
 Json close_live(Live& live) {
   const auto began = std::chrono::steady_clock::now();
   live.camera->close();
-  return {{"live_closed", {{"took_s", seconds_since(began)}, {"resyncs", live.camera->resyncs()}, {"resumes", live.camera->resumes()}}}};
+  return {
+      {"live_closed",
+       {{"took_s", seconds_since(began)}, {"resyncs", live.camera->resyncs()}, {"resumes", live.camera->resumes()}}}};
 }
 
 // Null: it is no command of this kind.
 Json run_live(Live& live, const Json& command) {
   if (command.contains("sampler_new")) return live.sampler = {}, Json{{"sampler", Json::object()}};
-  if (command.contains("sampler_add")) return {{"taken", live.sampler.add(from_json<v1::CameraReply>(command.at("sampler_add")))}};
-  if (command.contains("sampler_shift")) return live.sampler.shift(command.at("sampler_shift").get<std::array<double, 3>>()), Json{{"sampler", Json::object()}};
+  if (command.contains("sampler_add"))
+    return {{"taken", live.sampler.add(from_json<v1::CameraReply>(command.at("sampler_add")))}};
+  if (command.contains("sampler_shift"))
+    return live.sampler.shift(command.at("sampler_shift").get<std::array<double, 3>>()),
+           Json{{"sampler", Json::object()}};
   if (command.contains("sampler_at")) return sample(live, command.at("sampler_at"));
   if (command.contains("live_open")) return open_live(live, command);
   if (command.contains("live_tick")) return tick_live(live, command);

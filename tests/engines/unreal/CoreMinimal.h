@@ -1,4 +1,5 @@
-// As much of Unreal's declarations as the code of client/engines/unreal.md uses, so that a compiler can check that code.
+// As much of Unreal's declarations as the code of client/engines/unreal.md uses, so that a compiler can check that
+// code.
 #pragma once
 
 #include <cstdint>
