@@ -23,7 +23,7 @@ build_packages=(
 )
 # An npm from another source is good enough, and would conflict with Debian's.
 command -v npm >/dev/null || build_packages+=(nodejs npm)
-test_packages=(dpkg-dev lintian man-db zsh fish mono-mcs chromium chromium-driver python3-selenium fonts-dejavu-core prometheus systemd haproxy python3-clang-14)
+test_packages=(dpkg-dev lintian man-db zsh fish mono-mcs chromium chromium-driver python3-selenium fonts-dejavu-core prometheus systemd haproxy python3-clang-14 clang-format-14)
 cpu_packages=(
   libgrpc++1.51 libprotobuf32 libepoxy0 libembree3-3 libtinygltf2d
   libspdlog1.10 libfmt9 libxxhash0 libmeshoptimizer2d libdraco7 libprometheus-cpp-core1.0 libsystemd0 libzstd1 liblz4-1 zlib1g libssl3

@@ -24,6 +24,7 @@ from code_blocks import DOCUMENTS, all_blocks
 NOT_RUN = (
     (r"^tests/run\.sh|^PRESET=", "builds everything and runs this test"),
     (r"^(FORMER=\S+ )?tests/(sanitizers|fuzz|soak|mutation|skew|fault)\.sh", "takes minutes to hours"),
+    (r"^tests/check\.sh", "needs the repository itself; .ci/run runs it"),
     (r"^deploy/demo\.sh", "builds, and draws pictures for several seconds; --help is run instead"),
     (r"^docker ", "needs docker"),
     (r"^dotnet ", "needs a .NET SDK; CSharpBuild compiles with Mono"),
