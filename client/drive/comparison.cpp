@@ -12,12 +12,6 @@ constexpr double kLostShare = 0.05, kClearShare = 0.95;
 constexpr int kGap = 4, kLabelScale = 3, kLabelHeight = 10 * kLabelScale;
 constexpr Rgb kGround{20, 22, 28}, kLabelColour{255, 255, 255};
 
-double least_visible(const PictureTruth& picture) {
-  double least = 1.0;
-  for (const TargetTruth& target : picture.targets) least = std::min(least, target.visible_share());
-  return least;
-}
-
 void place_row(Picture& whole, ScenarioWorld& world, std::span<const CameraFrame> frames, int width, int top,
                const char* label) {
   draw_text(whole, 2 * kGap, top + kLabelScale, kLabelScale, label, kLabelColour);
@@ -34,7 +28,7 @@ std::vector<size_t> telling_frames(std::span<const FrameTruth> follow, std::span
   double widest_difference = 0.0;
   for (size_t i = 0; i < std::min(follow.size(), sightline.size()); ++i) {
     if (!follow[i].picture || !sightline[i].picture) continue;
-    const double theirs = least_visible(*follow[i].picture), ours = least_visible(*sightline[i].picture);
+    const double theirs = follow[i].picture->least_whole_share(), ours = sightline[i].picture->least_whole_share();
     if (!widest || ours - theirs > widest_difference) widest = i, widest_difference = ours - theirs;
     if (theirs < kLostShare && ours >= kClearShare)
       runs.back().push_back(i);

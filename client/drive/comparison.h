@@ -11,9 +11,9 @@
 namespace sightline {
 
 // Indices of up to `count` frames to show, in order of time. Each is the middle of a run of judged frames that shows
-// the difference; the longest runs are taken. In such a run the follow camera sees less than 5 % of some target, and
-// Sightline sees at least 95 % of every target. Without such a run, the result is the frame at which their least
-// visible shares differ most. Both spans judge the same frames; the result is empty when none was judged.
+// the difference; the longest runs are taken. In such a run the follow camera shows less than 5 % of the whole body of
+// some target, and Sightline shows at least 95 % of every target's. Without such a run, the result is the frame at
+// which the least shares differ most. Both spans judge the same frames; the result is empty when none was judged.
 std::vector<size_t> telling_frames(std::span<const FrameTruth> follow, std::span<const FrameTruth> sightline,
                                    size_t count);
 

@@ -174,8 +174,8 @@ class Run {
     judge_words(scenario, played, *truths);
     for (size_t i = 0; i < truths->size(); ++i)
       if (const auto& picture = (*truths)[i].picture)
-        record_.pictures.push_back({played.frames[i].time_s, played.frames[i].camera.position_m, least_share(*picture),
-                                    picture->fully_hidden(), played.tracking[i]});
+        record_.pictures.push_back({played.frames[i].time_s, played.frames[i].camera.position_m,
+                                    picture->least_whole_share(), picture->fully_hidden(), played.tracking[i]});
     auto world = ScenarioWorld::make(scenario, shared_.store, shared_.device);
     if (!world) return tl::unexpected(world.error());
     record_.reaction = measure_reaction(**world, played.frames);
@@ -228,12 +228,6 @@ class Run {
                                            policy_.shot.tolerance);
     if (std::any_of(goals.begin(), goals.end(), [](const GoalSample& g) { return g.goal_m.has_value(); }))
       record_.goals = goals_of(goals);
-  }
-
-  static double least_share(const PictureTruth& picture) {
-    double least = 1.0;
-    for (const TargetTruth& target : picture.targets) least = std::min(least, target.visible_share());
-    return least;
   }
 
   const SceneCase& scene_;

@@ -49,9 +49,9 @@ struct RunTiming {
 struct JudgedPicture {
   double time_s = 0.0;
   glm::dvec3 camera_m{0.0};
-  double least_visible_share = 0.0;  // of the target that is seen least
-  bool lost = false;                 // no pixel of any target is visible
-  std::optional<bool> tracking;      // whether the policy's status was TRACKING; none without a status
+  double least_whole_share = 0.0;  // TargetTruth::whole_share of the target that is shown least
+  bool lost = false;               // no pixel of any target is visible
+  std::optional<bool> tracking;    // whether the policy's status was TRACKING; none without a status
 };
 
 struct RunRecord {

@@ -213,13 +213,13 @@ void write_runs(std::ostream& out, std::span<const Run> runs) {
 }
 
 void write_pictures(std::ostream& out, std::span<const Run> runs) {
-  out << "scene,seed,targets,policy,time_s,camera_x_m,camera_y_m,camera_z_m,least_visible_share,lost,"
+  out << "scene,seed,targets,policy,time_s,camera_x_m,camera_y_m,camera_z_m,least_whole_share,lost,"
          "tracking\n";
   for (const Run& run : runs)
     for (const JudgedPicture& picture : run.pictures) {
       write_identity(out, run);
       const glm::dvec3& p = picture.camera_m;
-      for (const double value : {picture.time_s, p.x, p.y, p.z, picture.least_visible_share})
+      for (const double value : {picture.time_s, p.x, p.y, p.z, picture.least_whole_share})
         out << ',' << exact_text(value);
       out << ',' << picture.lost << ',' << (picture.tracking ? std::to_string(*picture.tracking) : "") << '\n';
     }

@@ -105,14 +105,29 @@ size_t direction_reversals(std::span<const CameraFrame> frames) {
   return reversals;
 }
 
+namespace {
+
+// How far the goal moved between two frames that have one, the motion of the targets' centre taken off.
+double goal_moved_m(const GoalSample& before, const GoalSample& now) {
+  return glm::distance(*now.goal_m - now.targets_center_m, *before.goal_m - before.targets_center_m);
+}
+
+}  // namespace
+
 GoalMetrics goals_of(std::span<const GoalSample> samples) {
   GoalMetrics metrics;
-  for (size_t i = 1; i < samples.size(); ++i) {
-    const GoalSample &before = samples[i - 1], &now = samples[i];
-    if (!before.goal_m || !now.goal_m || now.jump) continue;
-    const glm::dvec3 moved_m = *now.goal_m - *before.goal_m - (now.targets_center_m - before.targets_center_m);
-    metrics.jumps += glm::length(moved_m) > kGoalJumpM;
-    metrics.watched_s += now.time_s - before.time_s;
+  size_t first = 0;  // of the frames that later ones are compared with
+  for (size_t i = 0; i < samples.size(); ++i) {
+    const GoalSample& now = samples[i];
+    if (!now.goal_m || now.jump) first = now.goal_m ? i : i + 1;
+    if (i <= first) continue;
+    metrics.watched_s += now.time_s - samples[i - 1].time_s;
+    for (size_t k = i; k-- > first;) {
+      if (k + 1 < i && now.time_s - samples[k].time_s > kGoalJumpS + 1e-9) break;
+      if (goal_moved_m(samples[k], now) <= kGoalJumpM) continue;
+      ++metrics.jumps, first = i;
+      break;
+    }
   }
   if (metrics.watched_s > 0) metrics.jumps_per_s = static_cast<double>(metrics.jumps) / metrics.watched_s;
   return metrics;

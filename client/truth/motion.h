@@ -44,13 +44,15 @@ struct GoalSample {
   glm::dvec3 targets_center_m{0.0};  // world; the targets' weighted centre
   bool jump = false;                 // as in CameraFrame
 };
-// Changes of mind. The goal jumps at a frame when it moves more than kGoalJumpM from the frame before, the motion of
-// the targets' centre taken off. Only pairs of neighbouring frames that both have a goal count, without a declared jump
-// of the camera.
+// Changes of mind. The goal jumps at a frame when it is more than kGoalJumpM away from where it was at a frame at most
+// kGoalJumpS before, or at the frame before if that is longer ago; the motion of the targets' centre is taken off.
+// Frames before a jump are not compared with later ones, so each change counts once, whether it came in one tick or in
+// two. Only frames that have a goal count, and none are compared across a declared jump of the camera.
 inline constexpr double kGoalJumpM = 0.5;
+inline constexpr double kGoalJumpS = 1.0 / 30;
 struct GoalMetrics {
   size_t jumps = 0;
-  double watched_s = 0.0;    // time over which goals were compared
+  double watched_s = 0.0;    // between neighbouring frames that were compared
   double jumps_per_s = 0.0;  // jumps / watched_s; 0 when no time was watched
 };
 GoalMetrics goals_of(std::span<const GoalSample> samples);

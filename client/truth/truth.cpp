@@ -239,6 +239,12 @@ bool PictureTruth::all_seen() const {
                      [](const TargetTruth& target) { return target.visible_pixels > 0; });
 }
 
+double PictureTruth::least_whole_share() const {
+  double least = 1.0;
+  for (const TargetTruth& target : targets) least = std::min(least, target.whole_share());
+  return least;
+}
+
 bool PictureTruth::all_whole() const {
   return std::all_of(targets.begin(), targets.end(), [](const TargetTruth& target) { return target.shown_whole(); });
 }

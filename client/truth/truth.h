@@ -58,6 +58,8 @@ struct PictureTruth {
   bool all_seen() const;
   // After add_outlines: every target is shown whole.
   bool all_whole() const;
+  // After add_outlines: the whole_share of the target that is shown least; 1 without targets.
+  double least_whole_share() const;
 };
 
 // Takes a picture of `size` x `size` samples. `occluders` must have taken in `mirror` and have

@@ -9,8 +9,9 @@ namespace {
 using testing::ElementsAre;
 using testing::IsEmpty;
 
-// Frames in which both targets are visible to these shares, in hundredths; -1: not judged.
-std::vector<FrameTruth> truths(const std::vector<std::pair<int, int>>& shares) {
+// Frames in which both targets are visible to these shares, in hundredths, and this part of their outlines is in the
+// picture; -1: not judged.
+std::vector<FrameTruth> truths(const std::vector<std::pair<int, int>>& shares, double in_picture = 1.0) {
   std::vector<FrameTruth> frames(shares.size());
   for (size_t i = 0; i < shares.size(); ++i) {
     if (shares[i].first < 0) continue;
@@ -19,6 +20,7 @@ std::vector<FrameTruth> truths(const std::vector<std::pair<int, int>>& shares) {
       TargetTruth& target = frames[i].picture->targets.emplace_back();
       target.alone_pixels = 100;
       target.visible_pixels = static_cast<uint32_t>(share);
+      target.outline.in_picture_share = in_picture;
     }
   }
   return frames;
@@ -38,6 +40,13 @@ TEST(TellingFrames, AreTheMiddlesOfTheLongestRunsInOrderOfTime) {
 TEST(TellingFrames, AreThoseInWhichSightlineSeesEverything) {
   const auto follow = truths({kBothLost, kBothLost, kBothLost, kBothLost});
   EXPECT_THAT(telling_frames(follow, truths({kHalf, kHalf, kHalf, kClear}), 1), ElementsAre(3u));
+}
+
+TEST(TellingFrames, ABodyThatThePictureCutsOffIsNotShown) {
+  const auto follow = truths({kBothLost, kBothLost, kBothLost, kBothLost});
+  auto ours = truths(std::vector(3, kClear), 0.5);
+  ours.push_back(truths({kClear}).front());
+  EXPECT_THAT(telling_frames(follow, ours, 1), ElementsAre(3u));
 }
 
 TEST(TellingFrames, SkipFramesThatWereNotJudged) {

@@ -487,7 +487,7 @@ class Page(unittest.TestCase):
 
     def write_pictures(self, folder, scenes, policies):
         rows = [{"scene": scene, "seed": 1, "policy": policy, "time_s": t, "camera_x_m": t, "camera_y_m": 0.0, "camera_z_m": 0.0,
-                 "least_visible_share": 1.0} for scene in scenes for policy in policies for t in (0.0, 1.0, 2.0)]
+                 "least_whole_share": 1.0} for scene in scenes for policy in policies for t in (0.0, 1.0, 2.0)]
         figures.write_table(folder / "pictures.csv", list(rows[0]), rows)
 
     def make(self, path, *arguments):

@@ -27,7 +27,7 @@ it, mean over all turns, with their number in brackets.
 
 Collisions and violations of the motion limits are frames, summed over seeds. *At a_max* and *at v_max*: share of the frames at the acceleration
 limit and at the speed limit. *Reversals*: how often a second the path turns back by more than 90 degrees within 0.5 s. *Goal jumps*: how often a
-second the position that the camera heads for moves by more than 0.5 m in one tick.
+second the position that the camera heads for moves by more than 0.5 m within 1/30 s.
 
 """ + markdown(["<scene", "<policy", "collisions", "violations", "d_c m", "at a_max", "at v_max", "RMS jerk m/s³", "p99 jerk m/s³",
                 "reversals /s", "goal jumps /s"], [motion_row(*group) for group in groups]) + "\n"

@@ -158,6 +158,27 @@ TEST(GoalJumps, ASecondHasAsManyAsTheGoalChangesBeyondHalfAMetre) {
   EXPECT_EQ(goals_of(goals(600, every(6, 0.49), 1.5)).jumps, 0u);
 }
 
+// The goal goes 0.9 m to and fro, five changes a second, in one tick or in as many as last 1/30 s.
+TEST(GoalJumps, AreTheSameAtEveryRateOfTheTicks) {
+  for (const int rate : {15, 30, 60, 90, 120}) {
+    for (const int ticks : {1, std::max(1, rate / 30)}) {
+      std::vector<GoalSample> samples;
+      double y_m = 0;
+      for (int k = 0; k <= 10 * rate; ++k) {
+        const double part = std::min(1.0, (k % (rate / 5) + 1.0) / ticks);
+        y_m = k / (rate / 5) % 2 == 0 ? 0.9 * part : 0.9 * (1 - part);
+        samples.push_back({k / double(rate), glm::dvec3(0, y_m, 0), glm::dvec3(0.0), false});
+      }
+      EXPECT_NEAR(goals_of(samples).jumps_per_s, 5.0, 0.11) << rate << " ticks a second, " << ticks << " a change";
+    }
+  }
+}
+
+TEST(GoalJumps, AGoalThatFlickersAtEveryTickIsSeen) {
+  const auto flickers = [](int k) { return glm::dvec3(0, k % 2 * 0.6, 0); };
+  EXPECT_EQ(goals_of(goals(60, flickers, 0.0)).jumps, 60u);
+}
+
 TEST(GoalJumps, TimeWithoutAGoalAndDeclaredCutsAreLeftOut) {
   auto samples = goals(
       120, [](int k) { return glm::dvec3(k < 60 ? 0 : 9, 0, 0); }, 0.0);
