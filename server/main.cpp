@@ -437,25 +437,11 @@ int serve(const Flags& flags, const Log& log, const std::function<Command()>& pa
   const BudgetRules budget = budget_rules(flags);
   FairShares shares(scheduler.threads() * budget.largest_share);
   StepStats stats;
-  const ServiceParts parts{scenes,
-                           geometry,
-                           extents,
-                           sampler,
-                           scheduler,
-                           loaders,
-                           uploaders,
-                           streams,
-                           shares,
-                           stats,
-                           log,
-                           monotonic_ns,
-                           start_name(),
-                           prepared->chosen.reason,
-                           budget,
-                           recorded,
-                           session_limits,
-                           &instance_memory,
-                           &credentials,
+  SessionTable sessions;
+  const ServiceParts parts{scenes,           geometry,  extents,        sampler,          scheduler,
+                           loaders,          uploaders, streams,        shares,           stats,
+                           sessions,         log,       monotonic_ns,   start_name(),     prepared->chosen.reason,
+                           budget,           recorded,  session_limits, &instance_memory, &credentials,
                            load_rules(flags)};
   if (const Status well = compute_first_step(parts); !well)
     return failed_to_start(log, well.error(), "no step can be computed on this device; try another --sampler");

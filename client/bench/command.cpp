@@ -64,7 +64,7 @@ void add_settings_flags(CLI::App& bench, BenchOptions& options) {
 
 void add_daemon_flags(CLI::App& bench, BenchOptions& options) {
   CLI::Option* address = bench.add_option(
-      "--address", options.address,
+      "--server,--address", options.address,
       "host:port or unix:/path of a running daemon (default: start one and stop it at the end)");
   add_connection_flags(bench, options.connection);
   bench

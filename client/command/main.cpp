@@ -30,7 +30,8 @@ void add_drive(CLI::App& app, sightline::DriveOptions& options) {
   drive->add_option("scenario", options.scenario, "A .glb whose node extras hold the roles")
       ->required()
       ->check(CLI::ExistingFile);
-  drive->add_option("--server", options.server, "host:port or unix:/path of the daemon")->capture_default_str();
+  drive->add_option("--server,--address", options.server, "host:port or unix:/path of the daemon")
+      ->capture_default_str();
   sightline::add_connection_flags(*drive, options.connection);
   drive->add_option("--rate", options.rate_hz, "Ticks a second of scenario time, hertz")
       ->check(CLI::Range(0.1, 1000.0))
@@ -145,6 +146,7 @@ int main(int argc, char** argv) {
   verbs.push_back(sightline::add_report_verb(app));
   verbs.push_back(sightline::add_shots_verb(app));
   verbs.push_back(sightline::add_status_verb(app));
+  verbs.push_back(sightline::add_sessions_verb(app));
   verbs.push_back(sightline::add_top_verb(app));
 
   try {

@@ -128,6 +128,15 @@ Result<v1::GetServerStatsResponse> Client::server_stats(std::chrono::nanoseconds
   return stats;
 }
 
+Result<v1::ListSessionsResponse> Client::list_sessions(std::chrono::nanoseconds timeout) {
+  grpc::ClientContext context;
+  prepare(context, deadline_after(timeout), connection_->token);
+  v1::ListSessionsResponse sessions;
+  const grpc::Status status = connection_->stub->ListSessions(&context, {}, &sessions);
+  if (!status.ok()) return tl::unexpected(error_from_status(status));
+  return sessions;
+}
+
 Result<std::unique_ptr<ClientSession>> Client::open_session(const v1::OpenSession& request,
                                                             std::chrono::nanoseconds timeout,
                                                             ClientSession::Handler handler) {

@@ -105,7 +105,7 @@ Means over seeds. Collisions and violations are frames, summed over seeds; blind
   at a_max        share of frames at the acceleration limit
   jerk            root mean square
   reversals       the camera turns back
-  goals           the camera's goal moves more than 0.5 m in one tick
+  goals           the camera's goal moves more than 0.5 m within 1/30 s
   false TRACKING  share of pictures that have this status and no visible pixel of any target
   reaction        from the onset of an occlusion until the camera leaves its course or sees the target again
   report error    mean absolute error of the filtered visible share that the policy reports

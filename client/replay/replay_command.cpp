@@ -402,7 +402,7 @@ Verb add_replay_verb(CLI::App& app) {
                                          "Take the steps of a recording again and compare the replies; "
                                          "with --set, show what other settings change");
   command->add_option("file", options->file, "A recording (.mcap)")->required()->check(CLI::ExistingFile);
-  CLI::Option* server = command->add_option("--server", options->server,
+  CLI::Option* server = command->add_option("--server,--address", options->server,
                                             "host:port or unix:/path of a daemon (default: in this process)");
   add_connection_flags(*command, options->connection);
   command->add_option("--wait", options->wait_s, "Seconds to wait for a daemon that is not there, or went away")

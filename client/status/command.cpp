@@ -25,10 +25,14 @@ struct Reading {
   v1::GetServerStatsResponse stats;
 };
 
-Result<Reading> read_from(const std::string& address, const ConnectionFlags& connection) {
+Result<Client> connect_to(const std::string& address, const ConnectionFlags& connection) {
   const auto credentials = read_credentials(connection);
   if (!credentials) return tl::unexpected(credentials.error());
-  auto client = Client::connect(address, kPatience, {}, *credentials);
+  return Client::connect(address, kPatience, {}, *credentials);
+}
+
+Result<Reading> read_from(const std::string& address, const ConnectionFlags& connection) {
+  auto client = connect_to(address, connection);
   if (!client) return tl::unexpected(std::move(client.error()));
   auto info = client->server_info(kPatience);
   if (!info) return tl::unexpected(std::move(info.error()));
@@ -76,6 +80,18 @@ int run_status_command(const StatusOptions& options, std::ostream& out, std::ost
   return reading->stats.ready() ? 0 : 1;
 }
 
+int run_sessions_command(const StatusOptions& options, std::ostream& out, std::ostream& err) {
+  auto client = connect_to(options.address, options.connection);
+  if (!client) return cannot_ask(options.address, client.error(), err);
+  const auto sessions = client->list_sessions(kPatience);
+  if (!sessions) return cannot_ask(options.address, sessions.error(), err);
+  if (options.json)
+    out << json_of(*sessions) << '\n';
+  else
+    print_sessions(out, *sessions);
+  return 0;
+}
+
 int run_top_command(const TopOptions& options, std::ostream& out, std::ostream& err) {
   v1::GetServerStatsResponse before;
   for (uint64_t shown = 0;; ++shown) {
@@ -90,13 +106,33 @@ int run_top_command(const TopOptions& options, std::ostream& out, std::ostream& 
   }
 }
 
+namespace {
+
+// Other commands say --server, so both are understood.
+void add_server_flag(CLI::App& command, std::string& address) {
+  command.add_option("--server,--address", address, "Address of the daemon: host:port, or unix:PATH")
+      ->capture_default_str();
+}
+
+}  // namespace
+
+Verb add_sessions_verb(CLI::App& app) {
+  const auto options = std::make_shared<StatusOptions>();
+  options->address = kDefaultAddress;
+  CLI::App* command = app.add_subcommand(
+      "sessions", "List the open sessions of a running daemon, with what their cameras show; the worst come first");
+  add_server_flag(*command, options->address);
+  add_connection_flags(*command, options->connection);
+  command->add_flag("--json", options->json, "One JSON object, as ListSessions answers");
+  return {command, [options] { return run_sessions_command(*options, std::cout, std::cerr); }};
+}
+
 Verb add_status_verb(CLI::App& app) {
   const auto options = std::make_shared<StatusOptions>();
   options->address = kDefaultAddress;
   CLI::App* command = app.add_subcommand(
       "status", "Print how a running daemon is: sessions, quality, limits, times of its steps");
-  command->add_option("--address", options->address, "Address of the daemon: host:port, or unix:PATH")
-      ->capture_default_str();
+  add_server_flag(*command, options->address);
   add_connection_flags(*command, options->connection);
   command->add_flag("--json", options->json,
                     "One JSON object: `info` and `stats`, as GetServerInfo and GetServerStats answer");
@@ -109,8 +145,7 @@ Verb add_top_verb(CLI::App& app) {
   options->terminal = isatty(STDOUT_FILENO) != 0;
   CLI::App* command = app.add_subcommand(
       "top", "Show how a running daemon is, again and again, with what it did in each interval");
-  command->add_option("--address", options->address, "Address of the daemon: host:port, or unix:PATH")
-      ->capture_default_str();
+  add_server_flag(*command, options->address);
   add_connection_flags(*command, options->connection);
   command->add_option("--interval", options->interval_s, "Time between two readings, in seconds")
       ->check(CLI::Range(0.1, 3600.0))

@@ -1,4 +1,4 @@
-// `sightline status` and `sightline top`: how a running daemon is.
+// `sightline status`, `sightline sessions` and `sightline top`: how a running daemon and its cameras are.
 #pragma once
 
 #include <cstdint>
@@ -19,6 +19,10 @@ struct StatusOptions {
 // asked, with the reason on `err`.
 int run_status_command(const StatusOptions& options, std::ostream& out, std::ostream& err);
 
+// Prints the open sessions and what their cameras show. Returns 0; 1 when the daemon cannot be asked, with the reason
+// on `err`.
+int run_sessions_command(const StatusOptions& options, std::ostream& out, std::ostream& err);
+
 struct TopOptions {
   std::string address;
   ConnectionFlags connection = {};
@@ -32,6 +36,7 @@ struct TopOptions {
 int run_top_command(const TopOptions& options, std::ostream& out, std::ostream& err);
 
 Verb add_status_verb(CLI::App& app);
+Verb add_sessions_verb(CLI::App& app);
 Verb add_top_verb(CLI::App& app);
 
 }  // namespace sightline

@@ -1,6 +1,8 @@
 #include "client/status/status_text.h"
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "client/base/text_table.h"
 
@@ -47,6 +49,44 @@ std::string time_text(double us) {
   return us < 1000.0 ? formatted("%.0f us", us) : formatted("%.2f ms", us * 1e-3);
 }
 
+std::string percent_text(double share) {
+  return formatted("%.1f %%", 100.0 * share);
+}
+
+std::string cameras_text(const CameraShares& cameras) {
+  if (cameras.seconds <= 0.0) return "no time with targets";
+  return "all targets seen in " + percent_text(cameras.tracking) + " of the time, not all in " +
+         percent_text(cameras.partial) + ", none in " + percent_text(cameras.blind) + "; " +
+         percent_text(cameras.shown) + " of the targets shown";
+}
+
+std::string shots_text(const CameraShares& cameras) {
+  if (cameras.shot_seconds <= 0.0) return "no time with a shot";
+  return formatted("worth %.2f, kept in ", cameras.worth) + percent_text(cameras.shot_kept) + " of the time, " +
+         grouped(cameras.cuts) + (cameras.cuts == 1 ? " cut" : " cuts");
+}
+
+// TRACKING_STATUS_PARTIAL_VIEW -> "partial view"
+std::string status_text(v1::TrackingStatus status) {
+  constexpr size_t kPrefix = std::char_traits<char>::length("TRACKING_STATUS_");
+  if (status == v1::TRACKING_STATUS_UNSPECIFIED) return "-";
+  std::string text = v1::TrackingStatus_Name(status);
+  if (text.size() <= kPrefix) return "-";
+  text.erase(0, kPrefix);
+  for (char& c : text) c = c == '_' ? ' ' : static_cast<char>(c - 'A' + 'a');
+  return text;
+}
+
+struct SessionLine {
+  const v1::SessionFigures* session;
+  CameraShares cameras;
+};
+
+bool is_worse(const SessionLine& a, const SessionLine& b) {
+  if (a.session->blind_s() != b.session->blind_s()) return a.session->blind_s() > b.session->blind_s();
+  return a.cameras.shown < b.cameras.shown;
+}
+
 }  // namespace
 
 std::string duration_text(double seconds) {
@@ -65,6 +105,7 @@ void print_state(std::ostream& out, const std::string& address, const v1::GetSer
       << "sessions      " << grouped(stats.open_sessions()) << " open of " << grouped(info.max_sessions()) << ", "
       << grouped(stats.opened_sessions()) << " opened since the start\n"
       << "streams lost  " << kept_text(stats) << '\n'
+      << "blind now     " << grouped(stats.blind_sessions()) << " sessions, for 2 s or longer\n"
       << "quality       sessions by level: " << levels_text(stats) << '\n'
       << "connections   " << grouped(stats.open_connections()) << '\n'
       << "memory        " << bytes_text(stats.resident_bytes()) << ", of it geometry "
@@ -74,11 +115,42 @@ void print_state(std::ostream& out, const std::string& address, const v1::GetSer
       << "recording     " << recording_text(stats) << '\n';
 }
 
+void print_sessions(std::ostream& out, const v1::ListSessionsResponse& sessions) {
+  if (sessions.sessions().empty()) {
+    out << "no session is open\n";
+    return;
+  }
+  std::vector<SessionLine> lines;
+  for (const v1::SessionFigures& session : sessions.sessions())
+    lines.push_back({&session, camera_shares({}, session.camera())});
+  std::stable_sort(lines.begin(), lines.end(), is_worse);
+  Table table({{"session"},
+               {"client"},
+               {"label"},
+               {"open for"},
+               {"status"},
+               {"blind s", true},
+               {"shown", true},
+               {"none seen", true},
+               {"worth", true},
+               {"shot kept", true},
+               {"cuts", true},
+               {"level", true}});
+  for (const auto& [session, cameras] : lines)
+    table.row({printable(session->session_id()), printable(session->client(), 30), printable(session->label(), 24),
+               duration_text(session->age_s()), status_text(session->status()), formatted("%.1f", session->blind_s()),
+               percent_text(cameras.shown), percent_text(cameras.blind), formatted("%.2f", cameras.worth),
+               percent_text(cameras.shot_kept), grouped(cameras.cuts), grouped(session->quality_level())});
+  table.print(out);
+}
+
 void print_window(std::ostream& out, const Window& window) {
   out << formatted("ticks/s       %.1f: %.1f answered, %.1f merged, %.1f refused\n", window.ticks_per_s,
                    window.steps_per_s, window.merged_per_s, window.refused_per_s)
       << formatted("steps         %.1f %% late, %.1f %% degraded\n", 100.0 * window.late_share,
                    100.0 * window.degraded_share)
+      << "cameras       " << cameras_text(window.cameras) << '\n'
+      << "shots         " << shots_text(window.cameras) << '\n'
       << "bytes/s       " << bytes_text(static_cast<uint64_t>(window.received_bytes_per_s)) << " received, "
       << bytes_text(static_cast<uint64_t>(window.sent_bytes_per_s)) << " sent\n"
       << formatted("CPUs          %.2f busy\n\n", window.cpus);
@@ -87,6 +159,16 @@ void print_window(std::ostream& out, const Window& window) {
     table.row({row.name, grouped(row.count), time_text(row.mean_us), time_text(row.p50_us), time_text(row.p99_us)});
   table.print(out);
 }
+
+namespace {
+
+nlohmann::ordered_json json_of(const CameraShares& cameras) {
+  return {{"seconds", cameras.seconds}, {"tracking", cameras.tracking},   {"partial", cameras.partial},
+          {"blind", cameras.blind},     {"shown", cameras.shown},         {"shot_seconds", cameras.shot_seconds},
+          {"worth", cameras.worth},     {"shot_kept", cameras.shot_kept}, {"cuts", cameras.cuts}};
+}
+
+}  // namespace
 
 nlohmann::ordered_json json_of(const Window& window) {
   nlohmann::ordered_json durations = nlohmann::ordered_json::object();
@@ -103,6 +185,7 @@ nlohmann::ordered_json json_of(const Window& window) {
           {"received_bytes_per_s", window.received_bytes_per_s},
           {"sent_bytes_per_s", window.sent_bytes_per_s},
           {"cpus", window.cpus},
+          {"cameras", json_of(window.cameras)},
           {"durations", std::move(durations)}};
 }
 

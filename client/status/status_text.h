@@ -17,6 +17,10 @@ std::string duration_text(double seconds);
 void print_state(std::ostream& out, const std::string& address, const v1::GetServerInfoResponse& info,
                  const v1::GetServerStatsResponse& stats);
 
+// Prints one line for each session: what its camera shows, and has shown since it was opened. Those that see nothing
+// come first, the longest of them at the top, then those that show the least of their targets.
+void print_sessions(std::ostream& out, const v1::ListSessionsResponse& sessions);
+
 // Prints rates and a table of durations within `window`.
 void print_window(std::ostream& out, const Window& window);
 

@@ -31,7 +31,31 @@ const v1::DurationHistogram& stage_of(const v1::GetServerStatsResponse& stats, c
   return v1::DurationHistogram::default_instance();
 }
 
+double blind_s(const v1::CameraFigures& figures) {
+  return figures.seeking_s() + figures.blocked_s() + figures.waiting_s() + figures.lost_s();
+}
+
 }  // namespace
+
+CameraShares camera_shares(const v1::CameraFigures& earlier, const v1::CameraFigures& later) {
+  const auto within = [&](auto of) { return std::max(0.0, of(later) - of(earlier)); };
+  using Figures = v1::CameraFigures;
+  const double tracking_s = within([](const Figures& f) { return f.tracking_s(); });
+  const double partial_s = within([](const Figures& f) { return f.partial_view_s(); });
+  const double unseen_s = within(blind_s), shot_s = within([](const Figures&f) { return f.shot_s(); });
+  CameraShares shares;
+  shares.seconds = tracking_s + partial_s + unseen_s;
+  shares.tracking = ratio(tracking_s, shares.seconds);
+  shares.partial = ratio(partial_s, shares.seconds);
+  shares.blind = ratio(unseen_s, shares.seconds);
+  shares.shown = ratio(within([](const Figures& f) { return f.shown_s(); }),
+                       within([](const Figures& f) { return f.target_s(); }));
+  shares.shot_seconds = shot_s;
+  shares.worth = ratio(within([](const Figures& f) { return f.worth_s(); }), shot_s);
+  shares.shot_kept = ratio(within([](const Figures& f) { return f.shot_kept_s(); }), shot_s);
+  shares.cuts = later.cuts() - std::min(earlier.cuts(), later.cuts());
+  return shares;
+}
 
 double quantile_us(const v1::DurationHistogram& histogram, double q) {
   const auto all = static_cast<double>(count_of(histogram));
@@ -72,6 +96,7 @@ Window window_between(const v1::GetServerStatsResponse& earlier, const v1::GetSe
   window.received_bytes_per_s = per_s(later.received_bytes(), earlier.received_bytes());
   window.sent_bytes_per_s = per_s(later.sent_bytes(), earlier.sent_bytes());
   window.cpus = std::max(0.0, later.cpu_s() - earlier.cpu_s()) / window.seconds;
+  window.cameras = camera_shares(earlier.cameras(), later.cameras());
   window.durations = {row("tick age", later.tick_age(), earlier.tick_age()),
                       row("queue", later.queue(), earlier.queue()), row("step", later.step(), earlier.step())};
   for (const v1::StageHistogram& stage : later.stages())

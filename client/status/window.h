@@ -22,12 +22,26 @@ struct DurationRow {
   double p50_us = 0.0, p99_us = 0.0, mean_us = 0.0;
 };
 
+// What cameras showed, as shares, [0, 1]. A share of no time is 0.
+struct CameraShares {
+  double seconds = 0.0;                               // time of the game, over all cameras that had targets
+  double tracking = 0.0, partial = 0.0, blind = 0.0;  // of it, by what was seen: all targets, not all, nothing
+  double shown = 0.0;                                 // of the targets, in the mean
+  double shot_seconds = 0.0;                          // time of the game with a shot
+  double worth = 0.0;                                 // of the pictures of a shot, in the mean
+  double shot_kept = 0.0;                             // of the time with a shot
+  uint64_t cuts = 0;
+};
+// A default `earlier` gives the shares of `later` itself.
+CameraShares camera_shares(const v1::CameraFigures& earlier, const v1::CameraFigures& later);
+
 struct Window {
   double seconds = 0.0;  // > 0
   double ticks_per_s = 0.0, steps_per_s = 0.0, merged_per_s = 0.0, refused_per_s = 0.0;
   double late_share = 0.0, degraded_share = 0.0;  // of the steps, [0, 1]
   double received_bytes_per_s = 0.0, sent_bytes_per_s = 0.0;
-  double cpus = 0.0;                   // processors that the daemon kept busy
+  double cpus = 0.0;  // processors that the daemon kept busy
+  CameraShares cameras;
   std::vector<DurationRow> durations;  // tick age, queue, step, then the stages
 };
 

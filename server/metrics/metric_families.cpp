@@ -122,6 +122,37 @@ void add_sessions(const MetricSource& source, Families& families) {
     gauge(levels, static_cast<double>(stats.sessions_at_level[level]), {{"level", std::to_string(level)}});
 }
 
+constexpr std::array<const char*, kTrackingStatuses> kTrackingStatusNames{
+    "tracking", "partial_view", "seeking", "blocked", "waiting", "lost", "holding"};
+
+void add_cameras(const SessionTable& sessions, Families& families) {
+  const CameraSums sums = sessions.sums();
+  const SessionTable::Now now = sessions.now();
+  MetricFamily& by_status = family(families, "sightline_sessions_by_status",
+                                   "Open sessions by the tracking status of their last step.", MetricType::Gauge);
+  for (size_t i = 0; i < kTrackingStatuses; ++i)
+    gauge(by_status, static_cast<double>(now.by_status[i]), {{"status", kTrackingStatusNames[i]}});
+  add_gauge(families, "sightline_sessions_blind",
+            "Open sessions whose camera has seen nothing of its targets for 2 s of the game or longer.", now.blind);
+  MetricFamily& seconds = family(families, "sightline_camera_seconds_total",
+                                 "Time of the game by tracking status, over all cameras.", MetricType::Counter);
+  for (size_t i = 0; i < kTrackingStatuses; ++i)
+    counter(seconds, sums.status_s[i], {{"status", kTrackingStatusNames[i]}});
+  add_counter(families, "sightline_target_seconds_total", "Time of the game, times the number of targets to show.",
+              sums.target_s);
+  add_counter(families, "sightline_target_shown_seconds_total",
+              "The same, times the share of each target that the picture shows, neither hidden nor cut off.",
+              sums.shown_s);
+  add_counter(families, "sightline_shot_seconds_total", "Time of the game in which a shot was wanted of some target.",
+              sums.shot_s);
+  add_counter(families, "sightline_shot_kept_seconds_total",
+              "The part of it in which side, height and size of the shot were kept within their free bands.",
+              sums.shot_kept_s);
+  add_counter(families, "sightline_shot_worth_seconds_total", "The same time, times the worth of the pictures, 0 to 1.",
+              sums.worth_s);
+  add_counter(families, "sightline_cuts_total", "Cuts that the cameras made.", sums.cuts);
+}
+
 void add_ticks(const MetricSource& source, Families& families) {
   const StepStats& stats = source.parts.stats;
   add_counter(families, "sightline_ticks_received_total", "Ticks that the sessions worked through.",
@@ -256,6 +287,7 @@ std::vector<prometheus::MetricFamily> metric_families(const MetricSource& source
   Families families;
   add_daemon(source, families);
   add_sessions(source, families);
+  add_cameras(source.parts.sessions, families);
   add_ticks(source, families);
   add_steps(source, families);
   add_limits(source, gate, families);

@@ -17,6 +17,7 @@
 #include "server/service/log.h"
 #include "server/service/session_budget.h"
 #include "server/service/session_recording.h"
+#include "server/service/session_table.h"
 #include "server/service/stream_registry.h"
 #include "server/service/worker_pool.h"
 #include "server/step/step.h"
@@ -35,6 +36,7 @@ struct ServiceParts {
   StreamRegistry& streams;
   FairShares& shares;  // of the scheduler's threads
   StepStats& stats;
+  SessionTable& sessions;
   const Log& log;
   StageClock clock;       // monotonic, in nanoseconds; for stage and queue times only, since the scheduler has its own
   std::string id_prefix;  // of session ids; differs between daemons

@@ -4,6 +4,7 @@
 
 #include "server/base/process_figures.h"
 #include "server/record/recorder.h"
+#include "server/service/list_sessions.h"
 
 namespace sightline {
 namespace {
@@ -96,6 +97,8 @@ void get_server_stats(const ServiceParts& parts, const Callers& callers, v1::Get
     limit.set_limit(name.data(), name.size());
     limit.set_count(count);
   }
+  camera_figures_to_proto(parts.sessions.sums(), *stats.mutable_cameras());
+  stats.set_blind_sessions(static_cast<uint32_t>(parts.sessions.now().blind));
   const ProcessFigures process = process_figures();
   stats.set_uptime_s(process.uptime_s);
   stats.set_resident_bytes(process.resident_bytes);

@@ -5,6 +5,7 @@
 
 #include "server/service/control_stream.h"
 #include "server/service/list_scenes.h"
+#include "server/service/list_sessions.h"
 #include "server/service/server_info.h"
 #include "server/service/upload_scene.h"
 
@@ -74,6 +75,16 @@ grpc::Status CameraControlService::GetServerStats(grpc::ServerContext* context, 
     if (!caller) return caller.error();
     get_server_stats(parts_, callers_, *stats);
     stats->set_ready(ready_());
+    return grpc::Status::OK;
+  });
+}
+
+grpc::Status CameraControlService::ListSessions(grpc::ServerContext* context, const v1::ListSessionsRequest*,
+                                                v1::ListSessionsResponse* response) {
+  return guarded(parts_.log, "ListSessions", [&] {
+    const auto caller = callers_.identify(*context, Need::kObserve);
+    if (!caller) return caller.error();
+    list_sessions(parts_.sessions, parts_.clock(), *response);
     return grpc::Status::OK;
   });
 }

@@ -51,6 +51,8 @@ class CameraControlService final
                              v1::GetServerInfoResponse* info) override;
   grpc::Status GetServerStats(grpc::ServerContext* context, const v1::GetServerStatsRequest* request,
                               v1::GetServerStatsResponse* stats) override;
+  grpc::Status ListSessions(grpc::ServerContext* context, const v1::ListSessionsRequest* request,
+                            v1::ListSessionsResponse* response) override;
 
  private:
   const ServiceParts parts_;

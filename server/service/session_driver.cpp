@@ -79,6 +79,7 @@ grpc::Status SessionDriver::status_after_last_message() const {
 void SessionDriver::close(const grpc::Status& status) {
   if (session_) counters_.closed(status.error_code());
   session_.reset();
+  place_.reset();
   (void)instances_.resize(0, 0, 0, "");
   shapes_ = {};
   recording_.close();
@@ -157,6 +158,7 @@ Status SessionDriver::open_session(const v1::OpenSession& request, int64_t arriv
   rules.degrade = rules.degrade && request.degradation_policy() != v1::DEGRADATION_POLICY_NEVER;
   quality_.emplace(rules, parts_.shares, reader_.client);
   counters_.opened();
+  place_ = parts_.sessions.open(session_id_, request.label(), reader_.client, parts_.clock());
   opened_to_proto(*session_, opened);
   opened.set_session_id(session_id_);
   opened.set_sampler(parts_.sampler.kind());
@@ -299,6 +301,7 @@ void SessionDriver::answer(Turn& turn, const Status& taken) {
                   .queue_ns = answer->queue_ns,
                   .scene_ns = answer->scene_ns,
                   .stage_ns = answer->step.stage_ns});
+  place_->add(*answer, session_->targets());
   v1::CameraReply& reply = *turn.replies.emplace_back(std::move(turn.spare)).mutable_camera();
   camera_reply_to_proto(*answer, *session_, session_->diagnostics(), reply);
   recording_.reply(reply);

@@ -24,6 +24,7 @@
 #include "server/service/inbox.h"
 #include "server/service/parts.h"
 #include "server/service/session_recording.h"
+#include "server/service/session_table.h"
 #include "server/service/shape_memory.h"
 #include "server/session/session.h"
 #include "sightline/v1/camera_control.pb.h"
@@ -104,6 +105,7 @@ class SessionDriver {
   std::optional<QualityControl> quality_;  // from the opening to the end
   SessionRecording recording_;
   SessionCounters counters_;
+  std::unique_ptr<SessionTable::Place> place_;  // while session_ is open
   InstanceShare instances_;
   ShapeMemory shapes_;
   size_t state_bytes_ = 0;  // as session_state_bytes, with its settings and targets

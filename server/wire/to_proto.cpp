@@ -21,26 +21,6 @@ void set(const Pose& client_pose, v1::Pose3& out) {
   rotation.set_x(q.x), rotation.set_y(q.y), rotation.set_z(q.z), rotation.set_w(q.w);
 }
 
-v1::TrackingStatus to_proto(TrackingStatus status) {
-  switch (status) {
-    case TrackingStatus::kTracking:
-      return v1::TRACKING_STATUS_TRACKING;
-    case TrackingStatus::kPartialView:
-      return v1::TRACKING_STATUS_PARTIAL_VIEW;
-    case TrackingStatus::kSeeking:
-      return v1::TRACKING_STATUS_SEEKING;
-    case TrackingStatus::kBlocked:
-      return v1::TRACKING_STATUS_BLOCKED;
-    case TrackingStatus::kWaiting:
-      return v1::TRACKING_STATUS_WAITING;
-    case TrackingStatus::kLost:
-      return v1::TRACKING_STATUS_LOST;
-    case TrackingStatus::kHolding:
-      return v1::TRACKING_STATUS_HOLDING;
-  }
-  return v1::TRACKING_STATUS_UNSPECIFIED;
-}
-
 v1::MoveReason to_proto(MoveReason reason) {
   switch (reason) {
     case MoveReason::kAtDesiredPlace:
@@ -316,6 +296,26 @@ bool mirrors_disagree(const Error& error) {
 }
 
 }  // namespace
+
+v1::TrackingStatus to_proto(TrackingStatus status) {
+  switch (status) {
+    case TrackingStatus::kTracking:
+      return v1::TRACKING_STATUS_TRACKING;
+    case TrackingStatus::kPartialView:
+      return v1::TRACKING_STATUS_PARTIAL_VIEW;
+    case TrackingStatus::kSeeking:
+      return v1::TRACKING_STATUS_SEEKING;
+    case TrackingStatus::kBlocked:
+      return v1::TRACKING_STATUS_BLOCKED;
+    case TrackingStatus::kWaiting:
+      return v1::TRACKING_STATUS_WAITING;
+    case TrackingStatus::kLost:
+      return v1::TRACKING_STATUS_LOST;
+    case TrackingStatus::kHolding:
+      return v1::TRACKING_STATUS_HOLDING;
+  }
+  return v1::TRACKING_STATUS_UNSPECIFIED;
+}
 
 void camera_reply_to_proto(const SessionAnswer& answer, const Session& session, const DiagnosticsWanted& wanted,
                            v1::CameraReply& out) {

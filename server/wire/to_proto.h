@@ -18,6 +18,8 @@ void camera_reply_to_proto(const SessionAnswer& answer, const Session& session, 
 // shows that client and mirror hold different instances: an unknown or taken id, or another revision.
 void tick_error_to_proto(const Error& error, uint64_t sequence, const SceneMirror* mirror, v1::TickError& out);
 
+v1::TrackingStatus to_proto(TrackingStatus status);
+
 // Fills the session's part of the message; the caller sets `session_id`, `sampler` and `warnings`.
 void opened_to_proto(const Session& session, v1::SessionOpened& out);
 

@@ -89,6 +89,9 @@ class Client:
     def stats(self):
         return self.stub.GetServerStats(server_pb2.GetServerStatsRequest(), timeout=5)
 
+    def sessions(self):
+        return self.stub.ListSessions(server_pb2.ListSessionsRequest(), timeout=5).sessions
+
     def reflection(self, version):
         """The list of services, as bytes."""
         method = f"/grpc.reflection.{version}.ServerReflection/ServerReflectionInfo"
@@ -210,22 +213,26 @@ class Tokens(Case):
         for client in (game, root):
             with client.session() as session:
                 self.assertEqual(session.tick().sequence, 1)
+                told = board.sessions()
+                self.assertEqual([(row.client, row.steps) for row in told], [("token game" if client is game else "token root", 1)])
             client.upload(glb())
         for client in (board, root):
-            self.assertEqual(client.stats().open_sessions, 0)
+            wait_for(lambda: client.stats().open_sessions == 0)
+            self.assertEqual(len(client.sessions()), 0)
         self.refused(DENIED, board.session)
         self.refused(DENIED, lambda: board.upload(glb()))
         self.refused(DENIED, game.stats)
+        self.refused(DENIED, game.sessions)
 
     def test_a_caller_without_a_valid_token_may_do_nothing(self):
         address = self.daemon(*self.files.all).address
         for token in (None, "", GAME[:-1], GAME + "x", GAME.upper()):
             client = Client(address, self.files, token)
-            for call in (client.info, client.stats, client.session, lambda: client.upload(glb())):
+            for call in (client.info, client.stats, client.sessions, client.session, lambda: client.upload(glb())):
                 self.refused(UNAUTHENTICATED, call)
             for version in ("v1", "v1alpha"):
                 self.refused(UNAUTHENTICATED, lambda: client.reflection(version))
-        self.assertEqual(Client(address, self.files, ROOT).stats().access.refused_calls, 30)
+        self.assertEqual(Client(address, self.files, ROOT).stats().access.refused_calls, 35)
 
     def test_a_unix_socket_knows_its_users_and_takes_tokens(self):
         path = str(self.files.folder / "socket")

@@ -43,7 +43,7 @@ NOT_RUN = (
     (r"make_sessions\.py", "would write into the repository; Conformance compares what it writes"),
     (r"/\w+_bench\b|/step_digest\b", "a benchmark; takes minutes"),
     (r"^kubectl ", "needs a cluster; Manifests checks what it applies"),
-    (r"^curl |^sightlined --metrics-listen|^sightlined healthcheck|^sightline (status|top)", "Metrics runs these on free ports"),
+    (r"^curl |^sightlined --metrics-listen|^sightlined healthcheck|^sightline (status|top|sessions)", "Metrics runs these on free ports"),
     (r"^sightlined(?!.*(&$| devices| --print-config))", "does not end by itself"),
     (r"^sightline evaluate(?!.*--scene)", "takes minutes"),
     (r"^mcap ", "needs the format's own command, which no registry of packages has"),

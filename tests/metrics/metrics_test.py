@@ -22,7 +22,7 @@ from exposition import get, parse, scrape, value  # noqa: E402
 from held_thread import HeldThread  # noqa: E402
 from scenes import TRIANGLE, container, empty_parts, many_instances, repeated_triangles, triangle  # noqa: E402
 from sessions import open_session, stub, upload  # noqa: E402
-from sightline.v1 import camera_control_pb2  # noqa: E402
+from sightline.v1 import camera_control_pb2, diagnostics_pb2  # noqa: E402
 from sightline_client import Camera, box, capsule  # noqa: E402
 
 Daemon.path = SIGHTLINED
@@ -221,6 +221,91 @@ class Figures(unittest.TestCase):
             self.assertEqual(value(families, "sightline_recording_folder_usable"), 1)
             size = sum(path.stat().st_size for path in pathlib.Path(folder).glob("*.mcap"))
             self.assertEqual(value(families, "sightline_recording_bytes_total"), size)
+
+
+BLIND = ("seeking", "blocked", "waiting", "lost")
+
+
+def status_of(reply):
+    return diagnostics_pb2.TrackingStatus.Name(reply.status)[len("TRACKING_STATUS_"):].lower()
+
+
+def count(replies, required=(1, 2)):
+    """What the replies say that the camera showed, by plain sums. The first reply ends no time."""
+    sums = dict(target=0.0, shown=0.0, shot=0.0, kept=0.0, worth=0.0, cuts=sum(reply.cut for reply in replies))
+    for before, reply in zip(replies, replies[1:]):
+        passed_s = reply.time_s - before.time_s
+        sums[status_of(reply)] = sums.get(status_of(reply), 0.0) + passed_s
+        for target in reply.targets:
+            if target.id in required:
+                sums["target"] += passed_s
+                sums["shown"] += passed_s * target.filtered_share * target.picture_share
+        if reply.HasField("shot"):
+            sums["shot"] += passed_s
+            sums["worth"] += passed_s * reply.shot.worth
+            sums["kept"] += passed_s * (max(reply.shot.side.deviation, reply.shot.height.deviation, reply.shot.distance.deviation) <= 0)
+    return sums
+
+
+class Cameras(unittest.TestCase):
+    def film(self, one, seconds, begin_s=0.0):
+        """A wall stands before both for the middle third."""
+        replies = []
+        ticks = round(60 * seconds)
+        for i in range(1, ticks + 1):
+            wall_z = 0.8 if ticks < 3 * i < 2 * ticks else 60
+            replies.append(one.tick(begin_s + i / 60, {1: (-1 + i / 200, 0.9, 0), 2: (1, 0.9, i / 300), 3: (0, 2, wall_z)}))
+        return replies
+
+    def camera(self, daemon, **more):
+        return Camera(daemon.address, position=(0, 1.6, 6), targets={1: capsule(radius=0.3, height=1.8), 2: capsule(radius=0.3, height=1.8)},
+                      occluders={3: box(40, 30, 0.2)}, at={1: (-1, 0.9, 0), 2: (1, 0.9, 0), 3: (0, 2, 60)}, **more)
+
+    def test_what_they_showed_is_what_their_replies_say(self):
+        with start() as daemon:
+            with self.camera(daemon) as one:
+                replies = self.film(one, 6)
+                expected = count(replies)
+                until(lambda: value(scrape(daemon.operators), "sightline_steps_total", level="0") == len(replies), "all steps")
+                families = scrape(daemon.operators)
+            ended = scrape(daemon.operators)
+        self.assertGreater(sum(expected.get(name, 0.0) for name in BLIND), 0.5, "the wall hides them")
+        self.assertGreater(expected["tracking"], 1.0)
+        for families in (families, ended):
+            for status in ("tracking", "partial_view", "holding", *BLIND):
+                self.assertAlmostEqual(value(families, "sightline_camera_seconds_total", status=status), expected.get(status, 0.0), places=6)
+            for name, key in (("target_seconds", "target"), ("target_shown_seconds", "shown"), ("shot_seconds", "shot"), ("shot_kept_seconds", "kept"),
+                              ("shot_worth_seconds", "worth"), ("cuts", "cuts")):
+                self.assertAlmostEqual(value(families, f"sightline_{name}_total"), expected[key], places=6, msg=name)
+        self.assertEqual(sum(value(ended, "sightline_sessions_by_status", status=status) for status in ("tracking", "partial_view", "holding", *BLIND)), 0)
+
+    def test_sessions_lists_them_and_the_blind_one_first(self):
+        with start() as daemon, self.camera(daemon, label="good") as good, self.camera(daemon, label="walled in") as bad:
+            for i in range(1, 181):
+                good.tick(i / 60, {})
+                bad.tick(i / 60, {3: (0, 2, 0.8)})
+            reply = bad.tick(181 / 60, {3: (0, 2, 0.8)})
+            until(lambda: value(scrape(daemon.operators), "sightline_steps_total", level="0") == 361, "all steps")
+            answer = subprocess.run([SIGHTLINE, "sessions", "--server", daemon.address, "--json"], capture_output=True, text=True, timeout=60)
+            text = subprocess.run([SIGHTLINE, "sessions", "--address", daemon.address], capture_output=True, text=True, timeout=60)
+            families = scrape(daemon.operators)
+        told = {row["label"]: row for row in json.loads(answer.stdout)["sessions"]}
+        self.assertEqual(set(told), {"good", "walled in"})
+        self.assertEqual(told["good"]["status"], "TRACKING_STATUS_TRACKING")
+        self.assertEqual(told["good"]["blind_s"], 0)
+        self.assertIn(status_of(reply), BLIND)
+        self.assertEqual(told["walled in"]["status"], "TRACKING_STATUS_" + status_of(reply).upper())
+        self.assertGreater(told["walled in"]["blind_s"], 2.0)
+        self.assertEqual((int(told["good"]["steps"]), int(told["walled in"]["steps"])), (180, 181))
+        self.assertEqual(value(families, "sightline_sessions_blind"), 1)
+        self.assertEqual(value(families, "sightline_sessions_by_status", status="tracking"), 1)
+        self.assertLess(text.stdout.index("walled in"), text.stdout.index("good"))
+
+    def test_a_daemon_without_sessions_says_so(self):
+        with start() as daemon:
+            text = subprocess.run([SIGHTLINE, "sessions", "--server", daemon.address], capture_output=True, text=True, timeout=60)
+        self.assertEqual(text.returncode, 0)
+        self.assertIn("no session is open", text.stdout)
 
 
 class Limits(unittest.TestCase):
@@ -588,7 +673,7 @@ class Commands(unittest.TestCase):
             self.assertEqual(result.stdout.count("In the last"), 2)
 
     def test_a_daemon_that_is_away_is_an_error(self):
-        for verb in ("status", "top"):
+        for verb in ("status", "top", "sessions"):
             result = self.run_command(verb, "--address", "unix:/nowhere/socket")
             self.assertEqual(result.returncode, 1)
             self.assertIn("/nowhere/socket", result.stderr)

@@ -98,9 +98,10 @@ ServiceWorld::ServiceWorld(const WorldOptions& options)
       streams(options.max_sessions),
       steppers_(options.threads, device, [this] { return real_or(clock_calls_); }),
       shares_(options.threads * options.budget.largest_share),
-      service_(ServiceParts{scenes_, geometry_, extents_, device, steppers_, loaders, uploaders, streams, shares_,
-                            stats_, log_, [this] { return real_or(++clock_calls_); }, "test", "", options.budget},
-               limits_of(options)) {
+      service_(
+          ServiceParts{scenes_, geometry_, extents_, device, steppers_, loaders, uploaders, streams, shares_, stats_,
+                       sessions_, log_, [this] { return real_or(++clock_calls_); }, "test", "", options.budget},
+          limits_of(options)) {
   ListenOptions listen;
   listen.tcp = "127.0.0.1:0";
   listen.unix_path = options.unix_path;

@@ -109,6 +109,7 @@ class ServiceWorld {
   Scheduler steppers_;
   FairShares shares_;
   StepStats stats_;
+  SessionTable sessions_;
 
  public:
   WorkerPool loaders{2}, uploaders{2};

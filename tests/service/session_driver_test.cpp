@@ -44,6 +44,7 @@ class SessionDriverTest : public testing::Test {
   StreamRegistry streams{1};
   FairShares shares{1.0};
   StepStats stats;
+  SessionTable sessions;
   Log log{LogFormat::kText, LogLevel::kOff};
   static inline int64_t used_ns = 0, a_look_ns = 0;  // of the processor, by the clock of loads
   static WorkLimit::Rules load_rules() {
@@ -52,14 +53,36 @@ class SessionDriverTest : public testing::Test {
             .refusal = "takes too long (--max-load-s)"};
   }
   ServiceParts parts_with_load() {
-    ServiceParts all{scenes,    geometry, extents, device, scheduler, loaders,
-                     uploaders, streams,  shares,  stats,  log,       [] { return int64_t{0}; },
+    ServiceParts all{scenes,
+                     geometry,
+                     extents,
+                     device,
+                     scheduler,
+                     loaders,
+                     uploaders,
+                     streams,
+                     shares,
+                     stats,
+                     sessions,
+                     log,
+                     [] { return int64_t{0}; },
                      "test"};
     all.load = load_rules();
     return all;
   }
-  const ServiceParts parts{scenes,    geometry, extents, device, scheduler, loaders,
-                           uploaders, streams,  shares,  stats,  log,       [] { return int64_t{0}; },
+  const ServiceParts parts{scenes,
+                           geometry,
+                           extents,
+                           device,
+                           scheduler,
+                           loaders,
+                           uploaders,
+                           streams,
+                           shares,
+                           stats,
+                           sessions,
+                           log,
+                           [] { return int64_t{0}; },
                            "test"};
   SessionDriver driver{parts, "test-1"};
   SessionDriver::Turn turn;

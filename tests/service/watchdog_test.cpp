@@ -71,11 +71,23 @@ class FirstStep : public testing::Test {
   StreamRegistry streams{1};
   FairShares shares{1.0};
   StepStats stats;
+  SessionTable sessions;
   Log log{LogFormat::kText, LogLevel::kOff};
 
   ServiceParts parts_with(SamplerDevice& sampler) {
-    return {scenes,    geometry, extents, sampler, scheduler, loaders,
-            uploaders, streams,  shares,  stats,   log,       [] { return int64_t{0}; },
+    return {scenes,
+            geometry,
+            extents,
+            sampler,
+            scheduler,
+            loaders,
+            uploaders,
+            streams,
+            shares,
+            stats,
+            sessions,
+            log,
+            [] { return int64_t{0}; },
             "test"};
   }
 };

@@ -118,6 +118,50 @@ TEST(Window, AStageIsComparedWithTheStageOfItsName) {
   EXPECT_NEAR(window.durations[4].mean_us, 40.0, 1e-9);
 }
 
+TEST(Cameras, SharesAreOfTheTimeBetween) {
+  v1::CameraFigures earlier, later;
+  earlier.set_tracking_s(10), later.set_tracking_s(16);
+  later.set_partial_view_s(2);
+  later.set_seeking_s(0.5), later.set_blocked_s(0.5), later.set_waiting_s(0.5), later.set_lost_s(0.5);
+  later.set_holding_s(100);
+  earlier.set_target_s(20), later.set_target_s(40);
+  earlier.set_shown_s(10), later.set_shown_s(25);
+  earlier.set_shot_s(5), later.set_shot_s(13);
+  earlier.set_shot_kept_s(5), later.set_shot_kept_s(7);
+  earlier.set_worth_s(1), later.set_worth_s(7);
+  earlier.set_cuts(2), later.set_cuts(5);
+  const CameraShares shares = camera_shares(earlier, later);
+  EXPECT_DOUBLE_EQ(shares.seconds, 10.0) << "without the time that had no targets";
+  EXPECT_DOUBLE_EQ(shares.tracking, 0.6);
+  EXPECT_DOUBLE_EQ(shares.partial, 0.2);
+  EXPECT_DOUBLE_EQ(shares.blind, 0.2);
+  EXPECT_DOUBLE_EQ(shares.shown, 0.75);
+  EXPECT_DOUBLE_EQ(shares.shot_kept, 0.25);
+  EXPECT_DOUBLE_EQ(shares.shot_seconds, 8.0);
+  EXPECT_DOUBLE_EQ(shares.worth, 0.75);
+  EXPECT_EQ(shares.cuts, 3u);
+}
+
+TEST(StatusText, ListsTheSessionsThatSeeLeastFirst) {
+  v1::ListSessionsResponse sessions;
+  const auto add = [&](const char* label, double blind_s, double shown) {
+    v1::SessionFigures& session = *sessions.add_sessions();
+    session.set_label(label);
+    session.set_blind_s(blind_s);
+    session.mutable_camera()->set_target_s(1.0);
+    session.mutable_camera()->set_shown_s(shown);
+  };
+  add("half", 0, 0.5), add("whole", 0, 1.0), add("short", 1.0, 0.9), add("long", 9.0, 0.9);
+  sessions.mutable_sessions(1)->set_label("whole\x1b[2J");
+  std::ostringstream out;
+  print_sessions(out, sessions);
+  const std::string text = out.str();
+  EXPECT_LT(text.find("long"), text.find("short")) << text;
+  EXPECT_LT(text.find("short"), text.find("half")) << text;
+  EXPECT_LT(text.find("half"), text.find("whole")) << text;
+  EXPECT_EQ(text.find('\x1b'), std::string::npos) << "a label is a client's text";
+}
+
 TEST(StatusText, NamesTheLimitsThatWereHitAndWhatIsMissingInRecordings) {
   v1::GetServerStatsResponse stats;
   v1::LimitCount& limit = *stats.add_limits();
@@ -166,6 +210,7 @@ TEST(StatusText, TellsAllOfADaemonLineByLine) {
   v1::GetServerStatsResponse stats;
   stats.set_ready(true), stats.set_uptime_s(61.0);
   stats.set_open_sessions(3), stats.set_opened_sessions(4567), stats.add_sessions_at_level(3);
+  stats.set_blind_sessions(2);
   stats.set_kept_sessions(1), stats.set_resumed_sessions(2), stats.set_expired_sessions(3),
       stats.set_refused_resumes(4);
   stats.set_open_connections(5), stats.set_resident_bytes(3 << 20), stats.set_geometry_bytes(512);
@@ -186,6 +231,7 @@ TEST(StatusText, TellsAllOfADaemonLineByLine) {
       "device        embree: a CPU\n"
       "sessions      3 open of 1,000, 4,567 opened since the start\n"
       "streams lost  1 wait for their client; since the start 2 resumed, 3 not in time, 4 refused\n"
+      "blind now     2 sessions, for 2 s or longer\n"
       "quality       sessions by level: 0: 3\n"
       "connections   5\n"
       "memory        3.0 MiB, of it geometry 0.5 KiB\n"
@@ -207,6 +253,15 @@ TEST(StatusText, TellsAllOfAWindowLineByLine) {
   window.late_share = 0.25, window.degraded_share = 0.125, window.received_bytes_per_s = 2048.0,
   window.sent_bytes_per_s = 3.0 * (1 << 20);
   window.cpus = 1.5;
+  window.cameras = {.seconds = 120.0,
+                    .tracking = 0.9,
+                    .partial = 0.075,
+                    .blind = 0.025,
+                    .shown = 0.95,
+                    .shot_seconds = 100.0,
+                    .worth = 0.875,
+                    .shot_kept = 0.5,
+                    .cuts = 1};
   window.durations = {{.name = "step", .count = 1234, .p50_us = 999.4, .p99_us = 1000.0, .mean_us = 2500.0},
                       {.name = "  sample", .count = 1}};
   std::ostringstream out;
@@ -214,6 +269,9 @@ TEST(StatusText, TellsAllOfAWindowLineByLine) {
   EXPECT_EQ(out.str(),
             "ticks/s       60.0: 50.0 answered, 9.0 merged, 1.0 refused\n"
             "steps         25.0 % late, 12.5 % degraded\n"
+            "cameras       all targets seen in 90.0 % of the time, not all in 7.5 %, none in 2.5 %; 95.0 % of the "
+            "targets shown\n"
+            "shots         worth 0.88, kept in 50.0 % of the time, 1 cut\n"
             "bytes/s       2.0 KiB received, 3.0 MiB sent\n"
             "CPUs          1.50 busy\n\n"
             "  time of   count     mean     p50      p99\n"
@@ -221,6 +279,7 @@ TEST(StatusText, TellsAllOfAWindowLineByLine) {
             "    sample      1     0 us    0 us     0 us\n");
   const nlohmann::ordered_json json = json_of(window);
   EXPECT_EQ(json.at("degraded_share"), 0.125);
+  EXPECT_EQ(json.at("cameras").at("shot_kept"), 0.5);
   EXPECT_EQ(json.at("sent_bytes_per_s"), 3.0 * (1 << 20));
   EXPECT_EQ(json.at("durations").at("sample").at("count"), 1);
   EXPECT_EQ(json.at("durations").at("step").at("p50_us"), 999.4);

@@ -500,14 +500,15 @@ const file_sightline_v1_camera_control_proto_rawDesc = "" +
 	"page_token\x18\x02 \x01(\tR\tpageToken\"R\n" +
 	"\x12ListScenesResponse\x12\x14\n" +
 	"\x05names\x18\x01 \x03(\tR\x05names\x12&\n" +
-	"\x0fnext_page_token\x18\x02 \x01(\tR\rnextPageToken2\xc0\x03\n" +
+	"\x0fnext_page_token\x18\x02 \x01(\tR\rnextPageToken2\x97\x04\n" +
 	"\x14CameraControlService\x12J\n" +
 	"\aControl\x12\x1c.sightline.v1.ControlRequest\x1a\x1d.sightline.v1.ControlResponse(\x010\x01\x12T\n" +
 	"\vUploadScene\x12 .sightline.v1.UploadSceneRequest\x1a!.sightline.v1.UploadSceneResponse(\x01\x12O\n" +
 	"\n" +
 	"ListScenes\x12\x1f.sightline.v1.ListScenesRequest\x1a .sightline.v1.ListScenesResponse\x12X\n" +
 	"\rGetServerInfo\x12\".sightline.v1.GetServerInfoRequest\x1a#.sightline.v1.GetServerInfoResponse\x12[\n" +
-	"\x0eGetServerStats\x12#.sightline.v1.GetServerStatsRequest\x1a$.sightline.v1.GetServerStatsResponseBN\n" +
+	"\x0eGetServerStats\x12#.sightline.v1.GetServerStatsRequest\x1a$.sightline.v1.GetServerStatsResponse\x12U\n" +
+	"\fListSessions\x12!.sightline.v1.ListSessionsRequest\x1a\".sightline.v1.ListSessionsResponseBN\n" +
 	"\x10com.sightline.v1P\x01Z)sightline.dev/go/sightline/v1;sightlinev1\xaa\x02\fSightline.V1b\x06proto3"
 
 var (
@@ -539,8 +540,10 @@ var file_sightline_v1_camera_control_proto_goTypes = []any{
 	(*Drain)(nil),                  // 12: sightline.v1.Drain
 	(*GetServerInfoRequest)(nil),   // 13: sightline.v1.GetServerInfoRequest
 	(*GetServerStatsRequest)(nil),  // 14: sightline.v1.GetServerStatsRequest
-	(*GetServerInfoResponse)(nil),  // 15: sightline.v1.GetServerInfoResponse
-	(*GetServerStatsResponse)(nil), // 16: sightline.v1.GetServerStatsResponse
+	(*ListSessionsRequest)(nil),    // 15: sightline.v1.ListSessionsRequest
+	(*GetServerInfoResponse)(nil),  // 16: sightline.v1.GetServerInfoResponse
+	(*GetServerStatsResponse)(nil), // 17: sightline.v1.GetServerStatsResponse
+	(*ListSessionsResponse)(nil),   // 18: sightline.v1.ListSessionsResponse
 }
 var file_sightline_v1_camera_control_proto_depIdxs = []int32{
 	6,  // 0: sightline.v1.ControlRequest.open:type_name -> sightline.v1.OpenSession
@@ -555,13 +558,15 @@ var file_sightline_v1_camera_control_proto_depIdxs = []int32{
 	4,  // 9: sightline.v1.CameraControlService.ListScenes:input_type -> sightline.v1.ListScenesRequest
 	13, // 10: sightline.v1.CameraControlService.GetServerInfo:input_type -> sightline.v1.GetServerInfoRequest
 	14, // 11: sightline.v1.CameraControlService.GetServerStats:input_type -> sightline.v1.GetServerStatsRequest
-	1,  // 12: sightline.v1.CameraControlService.Control:output_type -> sightline.v1.ControlResponse
-	3,  // 13: sightline.v1.CameraControlService.UploadScene:output_type -> sightline.v1.UploadSceneResponse
-	5,  // 14: sightline.v1.CameraControlService.ListScenes:output_type -> sightline.v1.ListScenesResponse
-	15, // 15: sightline.v1.CameraControlService.GetServerInfo:output_type -> sightline.v1.GetServerInfoResponse
-	16, // 16: sightline.v1.CameraControlService.GetServerStats:output_type -> sightline.v1.GetServerStatsResponse
-	12, // [12:17] is the sub-list for method output_type
-	7,  // [7:12] is the sub-list for method input_type
+	15, // 12: sightline.v1.CameraControlService.ListSessions:input_type -> sightline.v1.ListSessionsRequest
+	1,  // 13: sightline.v1.CameraControlService.Control:output_type -> sightline.v1.ControlResponse
+	3,  // 14: sightline.v1.CameraControlService.UploadScene:output_type -> sightline.v1.UploadSceneResponse
+	5,  // 15: sightline.v1.CameraControlService.ListScenes:output_type -> sightline.v1.ListScenesResponse
+	16, // 16: sightline.v1.CameraControlService.GetServerInfo:output_type -> sightline.v1.GetServerInfoResponse
+	17, // 17: sightline.v1.CameraControlService.GetServerStats:output_type -> sightline.v1.GetServerStatsResponse
+	18, // 18: sightline.v1.CameraControlService.ListSessions:output_type -> sightline.v1.ListSessionsResponse
+	13, // [13:19] is the sub-list for method output_type
+	7,  // [7:13] is the sub-list for method input_type
 	7,  // [7:7] is the sub-list for extension type_name
 	7,  // [7:7] is the sub-list for extension extendee
 	0,  // [0:7] is the sub-list for field type_name

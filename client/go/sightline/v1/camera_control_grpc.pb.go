@@ -29,6 +29,7 @@ const (
 	CameraControlService_ListScenes_FullMethodName     = "/sightline.v1.CameraControlService/ListScenes"
 	CameraControlService_GetServerInfo_FullMethodName  = "/sightline.v1.CameraControlService/GetServerInfo"
 	CameraControlService_GetServerStats_FullMethodName = "/sightline.v1.CameraControlService/GetServerStats"
+	CameraControlService_ListSessions_FullMethodName   = "/sightline.v1.CameraControlService/ListSessions"
 )
 
 // CameraControlServiceClient is the client API for CameraControlService service.
@@ -55,6 +56,8 @@ type CameraControlServiceClient interface {
 	GetServerInfo(ctx context.Context, in *GetServerInfoRequest, opts ...grpc.CallOption) (*GetServerInfoResponse, error)
 	// Says what the server has done since its start, and what it holds now.
 	GetServerStats(ctx context.Context, in *GetServerStatsRequest, opts ...grpc.CallOption) (*GetServerStatsResponse, error)
+	// Lists the open sessions with what their cameras show, for operators.
+	ListSessions(ctx context.Context, in *ListSessionsRequest, opts ...grpc.CallOption) (*ListSessionsResponse, error)
 }
 
 type cameraControlServiceClient struct {
@@ -121,6 +124,16 @@ func (c *cameraControlServiceClient) GetServerStats(ctx context.Context, in *Get
 	return out, nil
 }
 
+func (c *cameraControlServiceClient) ListSessions(ctx context.Context, in *ListSessionsRequest, opts ...grpc.CallOption) (*ListSessionsResponse, error) {
+	cOpts := append([]grpc.CallOption{grpc.StaticMethod()}, opts...)
+	out := new(ListSessionsResponse)
+	err := c.cc.Invoke(ctx, CameraControlService_ListSessions_FullMethodName, in, out, cOpts...)
+	if err != nil {
+		return nil, err
+	}
+	return out, nil
+}
+
 // CameraControlServiceServer is the server API for CameraControlService service.
 // All implementations must embed UnimplementedCameraControlServiceServer
 // for forward compatibility.
@@ -145,6 +158,8 @@ type CameraControlServiceServer interface {
 	GetServerInfo(context.Context, *GetServerInfoRequest) (*GetServerInfoResponse, error)
 	// Says what the server has done since its start, and what it holds now.
 	GetServerStats(context.Context, *GetServerStatsRequest) (*GetServerStatsResponse, error)
+	// Lists the open sessions with what their cameras show, for operators.
+	ListSessions(context.Context, *ListSessionsRequest) (*ListSessionsResponse, error)
 	mustEmbedUnimplementedCameraControlServiceServer()
 }
 
@@ -169,6 +184,9 @@ func (UnimplementedCameraControlServiceServer) GetServerInfo(context.Context, *G
 }
 func (UnimplementedCameraControlServiceServer) GetServerStats(context.Context, *GetServerStatsRequest) (*GetServerStatsResponse, error) {
 	return nil, status.Errorf(codes.Unimplemented, "method GetServerStats not implemented")
+}
+func (UnimplementedCameraControlServiceServer) ListSessions(context.Context, *ListSessionsRequest) (*ListSessionsResponse, error) {
+	return nil, status.Errorf(codes.Unimplemented, "method ListSessions not implemented")
 }
 func (UnimplementedCameraControlServiceServer) mustEmbedUnimplementedCameraControlServiceServer() {}
 func (UnimplementedCameraControlServiceServer) testEmbeddedByValue()                              {}
@@ -259,6 +277,24 @@ func _CameraControlService_GetServerStats_Handler(srv interface{}, ctx context.C
 	return interceptor(ctx, in, info, handler)
 }
 
+func _CameraControlService_ListSessions_Handler(srv interface{}, ctx context.Context, dec func(interface{}) error, interceptor grpc.UnaryServerInterceptor) (interface{}, error) {
+	in := new(ListSessionsRequest)
+	if err := dec(in); err != nil {
+		return nil, err
+	}
+	if interceptor == nil {
+		return srv.(CameraControlServiceServer).ListSessions(ctx, in)
+	}
+	info := &grpc.UnaryServerInfo{
+		Server:     srv,
+		FullMethod: CameraControlService_ListSessions_FullMethodName,
+	}
+	handler := func(ctx context.Context, req interface{}) (interface{}, error) {
+		return srv.(CameraControlServiceServer).ListSessions(ctx, req.(*ListSessionsRequest))
+	}
+	return interceptor(ctx, in, info, handler)
+}
+
 // CameraControlService_ServiceDesc is the grpc.ServiceDesc for CameraControlService service.
 // It's only intended for direct use with grpc.RegisterService,
 // and not to be introspected or modified (even as a copy)
@@ -277,6 +313,10 @@ var CameraControlService_ServiceDesc = grpc.ServiceDesc{
 		{
 			MethodName: "GetServerStats",
 			Handler:    _CameraControlService_GetServerStats_Handler,
+		},
+		{
+			MethodName: "ListSessions",
+			Handler:    _CameraControlService_ListSessions_Handler,
 		},
 	},
 	Streams: []grpc.StreamDesc{

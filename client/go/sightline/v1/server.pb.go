@@ -250,8 +250,12 @@ type GetServerStatsResponse struct {
 	ExpiredSessions uint64 `protobuf:"varint,33,opt,name=expired_sessions,json=expiredSessions,proto3" json:"expired_sessions,omitempty"`
 	// Times that a client wanted to resume a session that was not kept, or not its own.
 	RefusedResumes uint64 `protobuf:"varint,34,opt,name=refused_resumes,json=refusedResumes,proto3" json:"refused_resumes,omitempty"`
-	unknownFields  protoimpl.UnknownFields
-	sizeCache      protoimpl.SizeCache
+	// What the cameras of all sessions showed since the start.
+	Cameras *CameraFigures `protobuf:"bytes,35,opt,name=cameras,proto3" json:"cameras,omitempty"`
+	// Open sessions that have seen nothing of their targets for 2 s or longer.
+	BlindSessions uint32 `protobuf:"varint,36,opt,name=blind_sessions,json=blindSessions,proto3" json:"blind_sessions,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
 }
 
 func (x *GetServerStatsResponse) Reset() {
@@ -522,6 +526,376 @@ func (x *GetServerStatsResponse) GetRefusedResumes() uint64 {
 	return 0
 }
 
+func (x *GetServerStatsResponse) GetCameras() *CameraFigures {
+	if x != nil {
+		return x.Cameras
+	}
+	return nil
+}
+
+func (x *GetServerStatsResponse) GetBlindSessions() uint32 {
+	if x != nil {
+		return x.BlindSessions
+	}
+	return 0
+}
+
+// What cameras showed, summed over the time of the game in seconds. A paused game adds nothing, and a step counts for at most 0.25 s. Targets with a weight count: the
+// required ones, or all if none is required.
+type CameraFigures struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// Time with the status TRACKING: all targets that count were seen.
+	TrackingS float64 `protobuf:"fixed64,1,opt,name=tracking_s,json=trackingS,proto3" json:"tracking_s,omitempty"`
+	// Time with PARTIAL_VIEW.
+	PartialViewS float64 `protobuf:"fixed64,2,opt,name=partial_view_s,json=partialViewS,proto3" json:"partial_view_s,omitempty"`
+	// Time with SEEKING. In this status and the next three, nothing of any target was seen.
+	SeekingS float64 `protobuf:"fixed64,3,opt,name=seeking_s,json=seekingS,proto3" json:"seeking_s,omitempty"`
+	// Time with BLOCKED.
+	BlockedS float64 `protobuf:"fixed64,4,opt,name=blocked_s,json=blockedS,proto3" json:"blocked_s,omitempty"`
+	// Time with WAITING.
+	WaitingS float64 `protobuf:"fixed64,5,opt,name=waiting_s,json=waitingS,proto3" json:"waiting_s,omitempty"`
+	// Time with LOST.
+	LostS float64 `protobuf:"fixed64,6,opt,name=lost_s,json=lostS,proto3" json:"lost_s,omitempty"`
+	// Time with HOLDING: there were no targets.
+	HoldingS float64 `protobuf:"fixed64,7,opt,name=holding_s,json=holdingS,proto3" json:"holding_s,omitempty"`
+	// Time, times the number of targets that count.
+	TargetS float64 `protobuf:"fixed64,8,opt,name=target_s,json=targetS,proto3" json:"target_s,omitempty"`
+	// The same, times the share of each target that the picture showed (filtered_share times picture_share). shown_s / target_s is the mean share.
+	ShownS float64 `protobuf:"fixed64,9,opt,name=shown_s,json=shownS,proto3" json:"shown_s,omitempty"`
+	// Time in which a shot was wanted of some target (CameraReply.shot).
+	ShotS float64 `protobuf:"fixed64,10,opt,name=shot_s,json=shotS,proto3" json:"shot_s,omitempty"`
+	// The part of shot_s in which side, height and size were within their free bands (ShotReport).
+	ShotKeptS float64 `protobuf:"fixed64,11,opt,name=shot_kept_s,json=shotKeptS,proto3" json:"shot_kept_s,omitempty"`
+	// shot_s, times the worth of the pictures. worth_s / shot_s is the mean worth.
+	WorthS float64 `protobuf:"fixed64,12,opt,name=worth_s,json=worthS,proto3" json:"worth_s,omitempty"`
+	// Cuts that the server chose (Settings.cut_after_s, Shot.cut).
+	Cuts          uint64 `protobuf:"varint,13,opt,name=cuts,proto3" json:"cuts,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *CameraFigures) Reset() {
+	*x = CameraFigures{}
+	mi := &file_sightline_v1_server_proto_msgTypes[4]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *CameraFigures) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*CameraFigures) ProtoMessage() {}
+
+func (x *CameraFigures) ProtoReflect() protoreflect.Message {
+	mi := &file_sightline_v1_server_proto_msgTypes[4]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use CameraFigures.ProtoReflect.Descriptor instead.
+func (*CameraFigures) Descriptor() ([]byte, []int) {
+	return file_sightline_v1_server_proto_rawDescGZIP(), []int{4}
+}
+
+func (x *CameraFigures) GetTrackingS() float64 {
+	if x != nil {
+		return x.TrackingS
+	}
+	return 0
+}
+
+func (x *CameraFigures) GetPartialViewS() float64 {
+	if x != nil {
+		return x.PartialViewS
+	}
+	return 0
+}
+
+func (x *CameraFigures) GetSeekingS() float64 {
+	if x != nil {
+		return x.SeekingS
+	}
+	return 0
+}
+
+func (x *CameraFigures) GetBlockedS() float64 {
+	if x != nil {
+		return x.BlockedS
+	}
+	return 0
+}
+
+func (x *CameraFigures) GetWaitingS() float64 {
+	if x != nil {
+		return x.WaitingS
+	}
+	return 0
+}
+
+func (x *CameraFigures) GetLostS() float64 {
+	if x != nil {
+		return x.LostS
+	}
+	return 0
+}
+
+func (x *CameraFigures) GetHoldingS() float64 {
+	if x != nil {
+		return x.HoldingS
+	}
+	return 0
+}
+
+func (x *CameraFigures) GetTargetS() float64 {
+	if x != nil {
+		return x.TargetS
+	}
+	return 0
+}
+
+func (x *CameraFigures) GetShownS() float64 {
+	if x != nil {
+		return x.ShownS
+	}
+	return 0
+}
+
+func (x *CameraFigures) GetShotS() float64 {
+	if x != nil {
+		return x.ShotS
+	}
+	return 0
+}
+
+func (x *CameraFigures) GetShotKeptS() float64 {
+	if x != nil {
+		return x.ShotKeptS
+	}
+	return 0
+}
+
+func (x *CameraFigures) GetWorthS() float64 {
+	if x != nil {
+		return x.WorthS
+	}
+	return 0
+}
+
+func (x *CameraFigures) GetCuts() uint64 {
+	if x != nil {
+		return x.Cuts
+	}
+	return 0
+}
+
+// Requests the list of the open sessions.
+type ListSessionsRequest struct {
+	state         protoimpl.MessageState `protogen:"open.v1"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *ListSessionsRequest) Reset() {
+	*x = ListSessionsRequest{}
+	mi := &file_sightline_v1_server_proto_msgTypes[5]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *ListSessionsRequest) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*ListSessionsRequest) ProtoMessage() {}
+
+func (x *ListSessionsRequest) ProtoReflect() protoreflect.Message {
+	mi := &file_sightline_v1_server_proto_msgTypes[5]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use ListSessionsRequest.ProtoReflect.Descriptor instead.
+func (*ListSessionsRequest) Descriptor() ([]byte, []int) {
+	return file_sightline_v1_server_proto_rawDescGZIP(), []int{5}
+}
+
+// The open sessions, those that wait for their client (kept_sessions) included, in the order of their opening.
+type ListSessionsResponse struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// One element a session.
+	Sessions      []*SessionFigures `protobuf:"bytes,1,rep,name=sessions,proto3" json:"sessions,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *ListSessionsResponse) Reset() {
+	*x = ListSessionsResponse{}
+	mi := &file_sightline_v1_server_proto_msgTypes[6]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *ListSessionsResponse) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*ListSessionsResponse) ProtoMessage() {}
+
+func (x *ListSessionsResponse) ProtoReflect() protoreflect.Message {
+	mi := &file_sightline_v1_server_proto_msgTypes[6]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use ListSessionsResponse.ProtoReflect.Descriptor instead.
+func (*ListSessionsResponse) Descriptor() ([]byte, []int) {
+	return file_sightline_v1_server_proto_rawDescGZIP(), []int{6}
+}
+
+func (x *ListSessionsResponse) GetSessions() []*SessionFigures {
+	if x != nil {
+		return x.Sessions
+	}
+	return nil
+}
+
+// One open session, for operators.
+type SessionFigures struct {
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// SessionOpened.session_id.
+	SessionId string `protobuf:"bytes,1,opt,name=session_id,json=sessionId,proto3" json:"session_id,omitempty"`
+	// OpenSession.label.
+	Label string `protobuf:"bytes,2,opt,name=label,proto3" json:"label,omitempty"`
+	// Who opened it, as in the log: "token game-1", "certificate game-2.example", "uid 1000", or the address.
+	Client string `protobuf:"bytes,3,opt,name=client,proto3" json:"client,omitempty"`
+	// Time since it was opened, in seconds.
+	AgeS float64 `protobuf:"fixed64,4,opt,name=age_s,json=ageS,proto3" json:"age_s,omitempty"`
+	// Steps computed.
+	Steps uint64 `protobuf:"varint,5,opt,name=steps,proto3" json:"steps,omitempty"`
+	// Quality level of the last step; 0 leaves nothing out.
+	QualityLevel uint32 `protobuf:"varint,6,opt,name=quality_level,json=qualityLevel,proto3" json:"quality_level,omitempty"`
+	// Status of the last step, as in its reply. TRACKING_STATUS_UNSPECIFIED: there was no step.
+	Status TrackingStatus `protobuf:"varint,7,opt,name=status,proto3,enum=sightline.v1.TrackingStatus" json:"status,omitempty"`
+	// For how long nothing of any target has been seen, in seconds of the game; 0: something is seen.
+	BlindS float64 `protobuf:"fixed64,8,opt,name=blind_s,json=blindS,proto3" json:"blind_s,omitempty"`
+	// What the camera showed since the session was opened.
+	Camera        *CameraFigures `protobuf:"bytes,9,opt,name=camera,proto3" json:"camera,omitempty"`
+	unknownFields protoimpl.UnknownFields
+	sizeCache     protoimpl.SizeCache
+}
+
+func (x *SessionFigures) Reset() {
+	*x = SessionFigures{}
+	mi := &file_sightline_v1_server_proto_msgTypes[7]
+	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+	ms.StoreMessageInfo(mi)
+}
+
+func (x *SessionFigures) String() string {
+	return protoimpl.X.MessageStringOf(x)
+}
+
+func (*SessionFigures) ProtoMessage() {}
+
+func (x *SessionFigures) ProtoReflect() protoreflect.Message {
+	mi := &file_sightline_v1_server_proto_msgTypes[7]
+	if x != nil {
+		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
+		if ms.LoadMessageInfo() == nil {
+			ms.StoreMessageInfo(mi)
+		}
+		return ms
+	}
+	return mi.MessageOf(x)
+}
+
+// Deprecated: Use SessionFigures.ProtoReflect.Descriptor instead.
+func (*SessionFigures) Descriptor() ([]byte, []int) {
+	return file_sightline_v1_server_proto_rawDescGZIP(), []int{7}
+}
+
+func (x *SessionFigures) GetSessionId() string {
+	if x != nil {
+		return x.SessionId
+	}
+	return ""
+}
+
+func (x *SessionFigures) GetLabel() string {
+	if x != nil {
+		return x.Label
+	}
+	return ""
+}
+
+func (x *SessionFigures) GetClient() string {
+	if x != nil {
+		return x.Client
+	}
+	return ""
+}
+
+func (x *SessionFigures) GetAgeS() float64 {
+	if x != nil {
+		return x.AgeS
+	}
+	return 0
+}
+
+func (x *SessionFigures) GetSteps() uint64 {
+	if x != nil {
+		return x.Steps
+	}
+	return 0
+}
+
+func (x *SessionFigures) GetQualityLevel() uint32 {
+	if x != nil {
+		return x.QualityLevel
+	}
+	return 0
+}
+
+func (x *SessionFigures) GetStatus() TrackingStatus {
+	if x != nil {
+		return x.Status
+	}
+	return TrackingStatus_TRACKING_STATUS_UNSPECIFIED
+}
+
+func (x *SessionFigures) GetBlindS() float64 {
+	if x != nil {
+		return x.BlindS
+	}
+	return 0
+}
+
+func (x *SessionFigures) GetCamera() *CameraFigures {
+	if x != nil {
+		return x.Camera
+	}
+	return nil
+}
+
 // Counters of credentials since the start of the server.
 type AccessStats struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
@@ -539,7 +913,7 @@ type AccessStats struct {
 
 func (x *AccessStats) Reset() {
 	*x = AccessStats{}
-	mi := &file_sightline_v1_server_proto_msgTypes[4]
+	mi := &file_sightline_v1_server_proto_msgTypes[8]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -551,7 +925,7 @@ func (x *AccessStats) String() string {
 func (*AccessStats) ProtoMessage() {}
 
 func (x *AccessStats) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_server_proto_msgTypes[4]
+	mi := &file_sightline_v1_server_proto_msgTypes[8]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -564,7 +938,7 @@ func (x *AccessStats) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use AccessStats.ProtoReflect.Descriptor instead.
 func (*AccessStats) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_server_proto_rawDescGZIP(), []int{4}
+	return file_sightline_v1_server_proto_rawDescGZIP(), []int{8}
 }
 
 func (x *AccessStats) GetRefusedCalls() uint64 {
@@ -609,7 +983,7 @@ type DurationHistogram struct {
 
 func (x *DurationHistogram) Reset() {
 	*x = DurationHistogram{}
-	mi := &file_sightline_v1_server_proto_msgTypes[5]
+	mi := &file_sightline_v1_server_proto_msgTypes[9]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -621,7 +995,7 @@ func (x *DurationHistogram) String() string {
 func (*DurationHistogram) ProtoMessage() {}
 
 func (x *DurationHistogram) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_server_proto_msgTypes[5]
+	mi := &file_sightline_v1_server_proto_msgTypes[9]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -634,7 +1008,7 @@ func (x *DurationHistogram) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use DurationHistogram.ProtoReflect.Descriptor instead.
 func (*DurationHistogram) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_server_proto_rawDescGZIP(), []int{5}
+	return file_sightline_v1_server_proto_rawDescGZIP(), []int{9}
 }
 
 func (x *DurationHistogram) GetCounts() []uint64 {
@@ -664,7 +1038,7 @@ type StageHistogram struct {
 
 func (x *StageHistogram) Reset() {
 	*x = StageHistogram{}
-	mi := &file_sightline_v1_server_proto_msgTypes[6]
+	mi := &file_sightline_v1_server_proto_msgTypes[10]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -676,7 +1050,7 @@ func (x *StageHistogram) String() string {
 func (*StageHistogram) ProtoMessage() {}
 
 func (x *StageHistogram) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_server_proto_msgTypes[6]
+	mi := &file_sightline_v1_server_proto_msgTypes[10]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -689,7 +1063,7 @@ func (x *StageHistogram) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use StageHistogram.ProtoReflect.Descriptor instead.
 func (*StageHistogram) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_server_proto_rawDescGZIP(), []int{6}
+	return file_sightline_v1_server_proto_rawDescGZIP(), []int{10}
 }
 
 func (x *StageHistogram) GetStage() string {
@@ -719,7 +1093,7 @@ type LimitCount struct {
 
 func (x *LimitCount) Reset() {
 	*x = LimitCount{}
-	mi := &file_sightline_v1_server_proto_msgTypes[7]
+	mi := &file_sightline_v1_server_proto_msgTypes[11]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -731,7 +1105,7 @@ func (x *LimitCount) String() string {
 func (*LimitCount) ProtoMessage() {}
 
 func (x *LimitCount) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_server_proto_msgTypes[7]
+	mi := &file_sightline_v1_server_proto_msgTypes[11]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -744,7 +1118,7 @@ func (x *LimitCount) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use LimitCount.ProtoReflect.Descriptor instead.
 func (*LimitCount) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_server_proto_rawDescGZIP(), []int{7}
+	return file_sightline_v1_server_proto_rawDescGZIP(), []int{11}
 }
 
 func (x *LimitCount) GetLimit() string {
@@ -786,7 +1160,7 @@ type RecordingStats struct {
 
 func (x *RecordingStats) Reset() {
 	*x = RecordingStats{}
-	mi := &file_sightline_v1_server_proto_msgTypes[8]
+	mi := &file_sightline_v1_server_proto_msgTypes[12]
 	ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 	ms.StoreMessageInfo(mi)
 }
@@ -798,7 +1172,7 @@ func (x *RecordingStats) String() string {
 func (*RecordingStats) ProtoMessage() {}
 
 func (x *RecordingStats) ProtoReflect() protoreflect.Message {
-	mi := &file_sightline_v1_server_proto_msgTypes[8]
+	mi := &file_sightline_v1_server_proto_msgTypes[12]
 	if x != nil {
 		ms := protoimpl.X.MessageStateOf(protoimpl.Pointer(x))
 		if ms.LoadMessageInfo() == nil {
@@ -811,7 +1185,7 @@ func (x *RecordingStats) ProtoReflect() protoreflect.Message {
 
 // Deprecated: Use RecordingStats.ProtoReflect.Descriptor instead.
 func (*RecordingStats) Descriptor() ([]byte, []int) {
-	return file_sightline_v1_server_proto_rawDescGZIP(), []int{8}
+	return file_sightline_v1_server_proto_rawDescGZIP(), []int{12}
 }
 
 func (x *RecordingStats) GetOpenSessions() uint64 {
@@ -874,7 +1248,7 @@ var File_sightline_v1_server_proto protoreflect.FileDescriptor
 
 const file_sightline_v1_server_proto_rawDesc = "" +
 	"\n" +
-	"\x19sightline/v1/server.proto\x12\fsightline.v1\"\x16\n" +
+	"\x19sightline/v1/server.proto\x12\fsightline.v1\x1a\x1esightline/v1/diagnostics.proto\"\x16\n" +
 	"\x14GetServerInfoRequest\"\xb1\x01\n" +
 	"\x15GetServerInfoResponse\x12\x18\n" +
 	"\aversion\x18\x01 \x01(\tR\aversion\x12\x18\n" +
@@ -882,8 +1256,7 @@ const file_sightline_v1_server_proto_rawDesc = "" +
 	"\x0esampler_reason\x18\x03 \x01(\tR\rsamplerReason\x12\x1a\n" +
 	"\brenderer\x18\x04 \x01(\tR\brenderer\x12!\n" +
 	"\fmax_sessions\x18\x05 \x01(\rR\vmaxSessions\"\x17\n" +
-	"\x15GetServerStatsRequest\"\xcc\n" +
-	"\n" +
+	"\x15GetServerStatsRequest\"\xaa\v\n" +
 	"\x16GetServerStatsResponse\x12#\n" +
 	"\ropen_sessions\x18\x01 \x01(\rR\fopenSessions\x12%\n" +
 	"\x0egeometry_count\x18\x02 \x01(\x04R\rgeometryCount\x12%\n" +
@@ -923,7 +1296,39 @@ const file_sightline_v1_server_proto_rawDesc = "" +
 	"\rkept_sessions\x18\x1f \x01(\rR\fkeptSessions\x12)\n" +
 	"\x10resumed_sessions\x18  \x01(\x04R\x0fresumedSessions\x12)\n" +
 	"\x10expired_sessions\x18! \x01(\x04R\x0fexpiredSessions\x12'\n" +
-	"\x0frefused_resumes\x18\" \x01(\x04R\x0erefusedResumes\"\xae\x01\n" +
+	"\x0frefused_resumes\x18\" \x01(\x04R\x0erefusedResumes\x125\n" +
+	"\acameras\x18# \x01(\v2\x1b.sightline.v1.CameraFiguresR\acameras\x12%\n" +
+	"\x0eblind_sessions\x18$ \x01(\rR\rblindSessions\"\xf7\x02\n" +
+	"\rCameraFigures\x12\x1d\n" +
+	"\n" +
+	"tracking_s\x18\x01 \x01(\x01R\ttrackingS\x12$\n" +
+	"\x0epartial_view_s\x18\x02 \x01(\x01R\fpartialViewS\x12\x1b\n" +
+	"\tseeking_s\x18\x03 \x01(\x01R\bseekingS\x12\x1b\n" +
+	"\tblocked_s\x18\x04 \x01(\x01R\bblockedS\x12\x1b\n" +
+	"\twaiting_s\x18\x05 \x01(\x01R\bwaitingS\x12\x15\n" +
+	"\x06lost_s\x18\x06 \x01(\x01R\x05lostS\x12\x1b\n" +
+	"\tholding_s\x18\a \x01(\x01R\bholdingS\x12\x19\n" +
+	"\btarget_s\x18\b \x01(\x01R\atargetS\x12\x17\n" +
+	"\ashown_s\x18\t \x01(\x01R\x06shownS\x12\x15\n" +
+	"\x06shot_s\x18\n" +
+	" \x01(\x01R\x05shotS\x12\x1e\n" +
+	"\vshot_kept_s\x18\v \x01(\x01R\tshotKeptS\x12\x17\n" +
+	"\aworth_s\x18\f \x01(\x01R\x06worthS\x12\x12\n" +
+	"\x04cuts\x18\r \x01(\x04R\x04cuts\"\x15\n" +
+	"\x13ListSessionsRequest\"P\n" +
+	"\x14ListSessionsResponse\x128\n" +
+	"\bsessions\x18\x01 \x03(\v2\x1c.sightline.v1.SessionFiguresR\bsessions\"\xb1\x02\n" +
+	"\x0eSessionFigures\x12\x1d\n" +
+	"\n" +
+	"session_id\x18\x01 \x01(\tR\tsessionId\x12\x14\n" +
+	"\x05label\x18\x02 \x01(\tR\x05label\x12\x16\n" +
+	"\x06client\x18\x03 \x01(\tR\x06client\x12\x13\n" +
+	"\x05age_s\x18\x04 \x01(\x01R\x04ageS\x12\x14\n" +
+	"\x05steps\x18\x05 \x01(\x04R\x05steps\x12#\n" +
+	"\rquality_level\x18\x06 \x01(\rR\fqualityLevel\x124\n" +
+	"\x06status\x18\a \x01(\x0e2\x1c.sightline.v1.TrackingStatusR\x06status\x12\x17\n" +
+	"\ablind_s\x18\b \x01(\x01R\x06blindS\x123\n" +
+	"\x06camera\x18\t \x01(\v2\x1b.sightline.v1.CameraFiguresR\x06camera\"\xae\x01\n" +
 	"\vAccessStats\x12#\n" +
 	"\rrefused_calls\x18\x01 \x01(\x04R\frefusedCalls\x12+\n" +
 	"\x11failed_handshakes\x18\x02 \x01(\x04R\x10failedHandshakes\x12(\n" +
@@ -962,32 +1367,41 @@ func file_sightline_v1_server_proto_rawDescGZIP() []byte {
 	return file_sightline_v1_server_proto_rawDescData
 }
 
-var file_sightline_v1_server_proto_msgTypes = make([]protoimpl.MessageInfo, 9)
+var file_sightline_v1_server_proto_msgTypes = make([]protoimpl.MessageInfo, 13)
 var file_sightline_v1_server_proto_goTypes = []any{
 	(*GetServerInfoRequest)(nil),   // 0: sightline.v1.GetServerInfoRequest
 	(*GetServerInfoResponse)(nil),  // 1: sightline.v1.GetServerInfoResponse
 	(*GetServerStatsRequest)(nil),  // 2: sightline.v1.GetServerStatsRequest
 	(*GetServerStatsResponse)(nil), // 3: sightline.v1.GetServerStatsResponse
-	(*AccessStats)(nil),            // 4: sightline.v1.AccessStats
-	(*DurationHistogram)(nil),      // 5: sightline.v1.DurationHistogram
-	(*StageHistogram)(nil),         // 6: sightline.v1.StageHistogram
-	(*LimitCount)(nil),             // 7: sightline.v1.LimitCount
-	(*RecordingStats)(nil),         // 8: sightline.v1.RecordingStats
+	(*CameraFigures)(nil),          // 4: sightline.v1.CameraFigures
+	(*ListSessionsRequest)(nil),    // 5: sightline.v1.ListSessionsRequest
+	(*ListSessionsResponse)(nil),   // 6: sightline.v1.ListSessionsResponse
+	(*SessionFigures)(nil),         // 7: sightline.v1.SessionFigures
+	(*AccessStats)(nil),            // 8: sightline.v1.AccessStats
+	(*DurationHistogram)(nil),      // 9: sightline.v1.DurationHistogram
+	(*StageHistogram)(nil),         // 10: sightline.v1.StageHistogram
+	(*LimitCount)(nil),             // 11: sightline.v1.LimitCount
+	(*RecordingStats)(nil),         // 12: sightline.v1.RecordingStats
+	(TrackingStatus)(0),            // 13: sightline.v1.TrackingStatus
 }
 var file_sightline_v1_server_proto_depIdxs = []int32{
-	8, // 0: sightline.v1.GetServerStatsResponse.recording:type_name -> sightline.v1.RecordingStats
-	5, // 1: sightline.v1.GetServerStatsResponse.tick_age:type_name -> sightline.v1.DurationHistogram
-	5, // 2: sightline.v1.GetServerStatsResponse.queue:type_name -> sightline.v1.DurationHistogram
-	5, // 3: sightline.v1.GetServerStatsResponse.step:type_name -> sightline.v1.DurationHistogram
-	6, // 4: sightline.v1.GetServerStatsResponse.stages:type_name -> sightline.v1.StageHistogram
-	7, // 5: sightline.v1.GetServerStatsResponse.limits:type_name -> sightline.v1.LimitCount
-	4, // 6: sightline.v1.GetServerStatsResponse.access:type_name -> sightline.v1.AccessStats
-	5, // 7: sightline.v1.StageHistogram.durations:type_name -> sightline.v1.DurationHistogram
-	8, // [8:8] is the sub-list for method output_type
-	8, // [8:8] is the sub-list for method input_type
-	8, // [8:8] is the sub-list for extension type_name
-	8, // [8:8] is the sub-list for extension extendee
-	0, // [0:8] is the sub-list for field type_name
+	12, // 0: sightline.v1.GetServerStatsResponse.recording:type_name -> sightline.v1.RecordingStats
+	9,  // 1: sightline.v1.GetServerStatsResponse.tick_age:type_name -> sightline.v1.DurationHistogram
+	9,  // 2: sightline.v1.GetServerStatsResponse.queue:type_name -> sightline.v1.DurationHistogram
+	9,  // 3: sightline.v1.GetServerStatsResponse.step:type_name -> sightline.v1.DurationHistogram
+	10, // 4: sightline.v1.GetServerStatsResponse.stages:type_name -> sightline.v1.StageHistogram
+	11, // 5: sightline.v1.GetServerStatsResponse.limits:type_name -> sightline.v1.LimitCount
+	8,  // 6: sightline.v1.GetServerStatsResponse.access:type_name -> sightline.v1.AccessStats
+	4,  // 7: sightline.v1.GetServerStatsResponse.cameras:type_name -> sightline.v1.CameraFigures
+	7,  // 8: sightline.v1.ListSessionsResponse.sessions:type_name -> sightline.v1.SessionFigures
+	13, // 9: sightline.v1.SessionFigures.status:type_name -> sightline.v1.TrackingStatus
+	4,  // 10: sightline.v1.SessionFigures.camera:type_name -> sightline.v1.CameraFigures
+	9,  // 11: sightline.v1.StageHistogram.durations:type_name -> sightline.v1.DurationHistogram
+	12, // [12:12] is the sub-list for method output_type
+	12, // [12:12] is the sub-list for method input_type
+	12, // [12:12] is the sub-list for extension type_name
+	12, // [12:12] is the sub-list for extension extendee
+	0,  // [0:12] is the sub-list for field type_name
 }
 
 func init() { file_sightline_v1_server_proto_init() }
@@ -995,13 +1409,14 @@ func file_sightline_v1_server_proto_init() {
 	if File_sightline_v1_server_proto != nil {
 		return
 	}
+	file_sightline_v1_diagnostics_proto_init()
 	type x struct{}
 	out := protoimpl.TypeBuilder{
 		File: protoimpl.DescBuilder{
 			GoPackagePath: reflect.TypeOf(x{}).PkgPath(),
 			RawDescriptor: unsafe.Slice(unsafe.StringData(file_sightline_v1_server_proto_rawDesc), len(file_sightline_v1_server_proto_rawDesc)),
 			NumEnums:      0,
-			NumMessages:   9,
+			NumMessages:   13,
 			NumExtensions: 0,
 			NumServices:   0,
 		},
