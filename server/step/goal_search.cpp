@@ -29,8 +29,9 @@ constexpr double kLimitsMoveM = 4.0;
 constexpr double kAfterwards = 0.3;
 // Before this time the camera can hardly change its course.
 constexpr double kAnswerS = 0.15;
-// The time constant with which that point moves, so that it does not jump between two plans that are equally good.
-constexpr double kCalmS = 0.05;
+// The time constant with which that point moves, so that it does not jump between two plans that are equally good. It
+// must be several times as long as from one decision to the next.
+constexpr double kCalmS = 0.1;
 // A point of the plan that is no farther than this is where the camera is.
 constexpr double kHereM = 0.05;
 // Where a path is farther beyond the bound than this, its places are not judged, since nothing is known of them.
@@ -55,8 +56,9 @@ constexpr double kBlindS = 2.0, kSearchAgainS = 1.0, kStuckS = 1.0, kStuckMps = 
 constexpr double kViewHoldsS = 0.1, kViewHoldsAfterS = 0.5;
 // The viewpoint search may know that this share more of the targets is seen at the wanted shot than from the camera. Or
 // it knows that a picture from there lacks less, by this much in picture_loss, than is expected at the end of the best
-// plan. When it has known that for so long, the camera takes a far way to the shot. On its way, half as much is enough
-// to go on, and it goes on for a while without any gain. The way ends this near to the shot.
+// plan. When it has known that for this time, and for as long as the straight way takes, the camera takes a far way to
+// the shot: among targets that run, what was seen from there for a moment is over when the camera arrives. On its way,
+// half as much is enough to go on, and it goes on for a while without any gain. The way ends this near to the shot.
 constexpr double kShotGainsS = 0.5, kShotGain = 0.3, kShotGainAhead = 0.4, kShotGoesOnS = 0.3, kShotNearM = 1.0;
 // Time without a gain counts so many times as much as time with one.
 constexpr double kNoGain = 2.0;
@@ -515,7 +517,7 @@ class GoalSearch {
     BlindState blind = in_.carried.blind;
     blind.searched_s += in_.step.decision_s;
     blind.shot_gains_s = shot_gains_s(seen, plan);
-    const bool shot_gains = blind.shot_gains_s >= kShotGainsS - kShotGoesOnS;
+    const bool shot_gains = blind.shot_gains_s >= gains_needed_s() - kShotGoesOnS;
     if (seen == in_.step.targets.steered && !shot_gains) {
       BlindState sees_all;
       sees_all.shot_gains_s = blind.shot_gains_s;
@@ -533,9 +535,10 @@ class GoalSearch {
     const BlindState& former = in_.carried.blind;
     if (seen == 0 && !former.way_m.empty()) return former.shot_gains_s;  // it is on a way
     if (seen != 0 && gains_by_shot(seen, plan))
-      return std::min(former.shot_gains_s + in_.step.decision_s, kShotGainsS + kShotGoesOnS);
+      return std::min(former.shot_gains_s + in_.step.decision_s, gains_needed_s() + kShotGoesOnS);
     return std::max(former.shot_gains_s - kNoGain * in_.step.decision_s, 0.0);
   }
+  double gains_needed_s() const { return std::max(kShotGainsS, left_m() / settings_.speed_mps); }
   bool gains_by_shot(uint32_t seen, const FlightPlan& plan) const {
     double enough = in_.carried.blind.way_m.empty() ? 1.0 : 0.5;
     // Standing targets may stand for long, so a single hidden one of many is reason enough.
@@ -575,7 +578,7 @@ class GoalSearch {
   }
   std::optional<Goal> take_far_way(double body_radius_m) {
     const bool is_stuck = blind_.blind_s > kStuckS && glm::length(in_.step.camera.velocity_mps) < kStuckMps;
-    const double gains_s = blind_.way_m.empty() ? kShotGainsS : kShotGainsS - kShotGoesOnS;
+    const double gains_s = gains_needed_s() - (blind_.way_m.empty() ? 0.0 : kShotGoesOnS);
     const bool to_shot = blind_.blind_s < kBlindS && blind_.shot_gains_s >= gains_s;
     if (blind_.blind_s < kBlindS && blind_.way_m.empty() && !is_stuck && !to_shot) return std::nullopt;
     if (blind_.searched_s >= kSearchAgainS) find_far_way(to_shot, body_radius_m);
