@@ -82,9 +82,15 @@ struct SessionLine {
   CameraShares cameras;
 };
 
+// A session that has had no targets so far comes last.
 bool is_worse(const SessionLine& a, const SessionLine& b) {
   if (a.session->blind_s() != b.session->blind_s()) return a.session->blind_s() > b.session->blind_s();
-  return a.cameras.shown < b.cameras.shown;
+  const auto shown = [](const SessionLine& line) { return line.cameras.target_seconds > 0 ? line.cameras.shown : 2.0; };
+  return shown(a) < shown(b);
+}
+
+std::string or_dash(bool is_known, std::string text) {
+  return is_known ? std::move(text) : "-";
 }
 
 }  // namespace
@@ -105,7 +111,8 @@ void print_state(std::ostream& out, const std::string& address, const v1::GetSer
       << "sessions      " << grouped(stats.open_sessions()) << " open of " << grouped(info.max_sessions()) << ", "
       << grouped(stats.opened_sessions()) << " opened since the start\n"
       << "streams lost  " << kept_text(stats) << '\n'
-      << "blind now     " << grouped(stats.blind_sessions()) << " sessions, for 2 s or longer\n"
+      << "blind now     " << grouped(stats.blind_sessions()) << (stats.blind_sessions() == 1 ? " session" : " sessions")
+      << ", for 2 s or longer\n"
       << "quality       sessions by level: " << levels_text(stats) << '\n'
       << "connections   " << grouped(stats.open_connections()) << '\n'
       << "memory        " << bytes_text(stats.resident_bytes()) << ", of it geometry "
@@ -139,8 +146,11 @@ void print_sessions(std::ostream& out, const v1::ListSessionsResponse& sessions)
   for (const auto& [session, cameras] : lines)
     table.row({printable(session->session_id()), printable(session->client(), 30), printable(session->label(), 24),
                duration_text(session->age_s()), status_text(session->status()), formatted("%.1f", session->blind_s()),
-               percent_text(cameras.shown), percent_text(cameras.blind), formatted("%.2f", cameras.worth),
-               percent_text(cameras.shot_kept), grouped(cameras.cuts), grouped(session->quality_level())});
+               or_dash(cameras.target_seconds > 0, percent_text(cameras.shown)),
+               or_dash(cameras.seconds > 0, percent_text(cameras.blind)),
+               or_dash(cameras.shot_seconds > 0, formatted("%.2f", cameras.worth)),
+               or_dash(cameras.shot_seconds > 0, percent_text(cameras.shot_kept)), grouped(cameras.cuts),
+               grouped(session->quality_level())});
   table.print(out);
 }
 

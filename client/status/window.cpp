@@ -48,8 +48,8 @@ CameraShares camera_shares(const v1::CameraFigures& earlier, const v1::CameraFig
   shares.tracking = ratio(tracking_s, shares.seconds);
   shares.partial = ratio(partial_s, shares.seconds);
   shares.blind = ratio(unseen_s, shares.seconds);
-  shares.shown = ratio(within([](const Figures& f) { return f.shown_s(); }),
-                       within([](const Figures& f) { return f.target_s(); }));
+  shares.target_seconds = within([](const Figures& f) { return f.target_s(); });
+  shares.shown = ratio(within([](const Figures& f) { return f.shown_s(); }), shares.target_seconds);
   shares.shot_seconds = shot_s;
   shares.worth = ratio(within([](const Figures& f) { return f.worth_s(); }), shot_s);
   shares.shot_kept = ratio(within([](const Figures& f) { return f.shot_kept_s(); }), shot_s);

@@ -26,6 +26,7 @@ struct DurationRow {
 struct CameraShares {
   double seconds = 0.0;                               // time of the game, over all cameras that had targets
   double tracking = 0.0, partial = 0.0, blind = 0.0;  // of it, by what was seen: all targets, not all, nothing
+  double target_seconds = 0.0;                        // time, times the number of targets
   double shown = 0.0;                                 // of the targets, in the mean
   double shot_seconds = 0.0;                          // time of the game with a shot
   double worth = 0.0;                                 // of the pictures of a shot, in the mean

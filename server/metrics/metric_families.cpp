@@ -129,7 +129,8 @@ void add_cameras(const SessionTable& sessions, Families& families) {
   const CameraSums sums = sessions.sums();
   const SessionTable::Now now = sessions.now();
   MetricFamily& by_status = family(families, "sightline_sessions_by_status",
-                                   "Open sessions by the tracking status of their last step.", MetricType::Gauge);
+                                   "Open sessions that have had a step, by the tracking status of the last one.",
+                                   MetricType::Gauge);
   for (size_t i = 0; i < kTrackingStatuses; ++i)
     gauge(by_status, static_cast<double>(now.by_status[i]), {{"status", kTrackingStatusNames[i]}});
   add_gauge(families, "sightline_sessions_blind",
@@ -141,16 +142,16 @@ void add_cameras(const SessionTable& sessions, Families& families) {
   add_counter(families, "sightline_target_seconds_total", "Time of the game, times the number of targets to show.",
               sums.target_s);
   add_counter(families, "sightline_target_shown_seconds_total",
-              "The same, times the share of each target that the picture shows, neither hidden nor cut off.",
+              "Time of the game, times the share of each target that the picture shows, neither hidden nor cut off.",
               sums.shown_s);
   add_counter(families, "sightline_shot_seconds_total", "Time of the game in which a shot was wanted of some target.",
               sums.shot_s);
   add_counter(families, "sightline_shot_kept_seconds_total",
-              "The part of it in which side, height and size of the shot were kept within their free bands.",
+              "Time of the game in which side, height and size of the shot were within their free bands.",
               sums.shot_kept_s);
-  add_counter(families, "sightline_shot_worth_seconds_total", "The same time, times the worth of the pictures, 0 to 1.",
-              sums.worth_s);
-  add_counter(families, "sightline_cuts_total", "Cuts that the cameras made.", sums.cuts);
+  add_counter(families, "sightline_shot_worth_seconds_total",
+              "Time of the game with a shot, times the worth of the pictures, 0 to 1.", sums.worth_s);
+  add_counter(families, "sightline_cuts_total", "Cuts that the server chose.", sums.cuts);
 }
 
 void add_ticks(const MetricSource& source, Families& families) {

@@ -25,7 +25,8 @@ void add_shot(const ShotReport& shot, double passed_s, CameraSums& sums) {
   if (within_free_bands(shot.deviation)) sums.shot_kept_s += passed_s;
 }
 
-CameraSums sums_of(const SessionAnswer& answer, const std::vector<Target>& targets, double passed_s) {
+CameraSums sums_of(const SessionAnswer& answer, const std::vector<Target>& targets) {
+  const double passed_s = answer.moved_s;
   CameraSums sums;
   sums.status_s[static_cast<size_t>(answer.step.status)] = passed_s;
   add_targets(answer.step, targets, passed_s, sums);
@@ -50,24 +51,26 @@ CameraSums& CameraSums::operator+=(const CameraSums& other) {
 }
 
 void SessionTable::Place::add(const SessionAnswer& answer, const std::vector<Target>& targets) {
-  const double passed_s = has_time_ ? std::clamp(answer.time_s - time_s_, 0.0, kMaxStepS) : 0.0;
-  time_s_ = answer.time_s, has_time_ = true;
-  table_.add(*row_, answer, sums_of(answer, targets, passed_s), passed_s);
+  table_.add(*row_, answer, sums_of(answer, targets));
 }
 
 std::unique_ptr<SessionTable::Place> SessionTable::open(std::string id, std::string label, std::string client,
                                                         int64_t now_ns) {
-  SessionRow row{.id = std::move(id), .label = std::move(label), .client = std::move(client), .opened_ns = now_ns};
+  // The place is made first, so that no row stays behind where memory has run out.
+  Rows one;
+  one.push_back({.id = std::move(id), .label = std::move(label), .client = std::move(client), .opened_ns = now_ns});
+  auto place = std::make_unique<Place>(*this, one.begin());
   const std::lock_guard lock(mutex_);
-  return std::make_unique<Place>(*this, rows_.insert(rows_.end(), std::move(row)));
+  rows_.splice(rows_.end(), one);
+  return place;
 }
 
-void SessionTable::add(SessionRow& row, const SessionAnswer& answer, const CameraSums& of_step, double passed_s) {
+void SessionTable::add(SessionRow& row, const SessionAnswer& answer, const CameraSums& of_step) {
   const std::lock_guard lock(mutex_);
   ++row.steps;
   row.quality_level = answer.quality_level;
   row.status = answer.step.status;
-  row.blind_s = is_blind(row.status) ? row.blind_s + passed_s : 0.0;
+  row.blind_s = is_blind(row.status) ? row.blind_s + answer.moved_s : 0.0;
   row.sums += of_step;
   sums_ += of_step;
 }
@@ -91,6 +94,7 @@ SessionTable::Now SessionTable::now() const {
   const std::lock_guard lock(mutex_);
   Now now;
   for (const SessionRow& row : rows_) {
+    if (row.steps == 0) continue;
     ++now.by_status[static_cast<size_t>(row.status)];
     now.blind += row.blind_s >= kLongBlindS;
   }

@@ -1,7 +1,8 @@
 // The open sessions and what their cameras show, for operators who ask whether the cameras are good right now.
 //
-// Times are of the game, in seconds: a paused game adds nothing, and a step counts for at most kMaxStepS. A target
-// counts here if it is required and has a weight. If no target is required, all that have a weight count.
+// Times are those that the camera moves for, in seconds of the game: a paused game adds nothing, and a step counts for
+// at most kMaxStepS. A target counts here if it is required and has a weight. If no target is required, all that have a
+// weight count.
 #pragma once
 
 #include <array>
@@ -64,8 +65,6 @@ class SessionTable {
    private:
     SessionTable& table_;
     const Rows::iterator row_;
-    double time_s_ = 0.0;  // of the newest step
-    bool has_time_ = false;
   };
 
   std::unique_ptr<Place> open(std::string id, std::string label, std::string client, int64_t now_ns);
@@ -75,15 +74,16 @@ class SessionTable {
   // Of all sessions since the start, those that have ended included.
   CameraSums sums() const;
   struct Now {
-    std::array<uint64_t, kTrackingStatuses> by_status{};  // open sessions by the status of their last step
-    uint64_t blind = 0;                                   // those that have been blind for kLongBlindS or longer
+    // Open sessions that have had a step, by the status of the last one.
+    std::array<uint64_t, kTrackingStatuses> by_status{};
+    uint64_t blind = 0;  // those that have been blind for kLongBlindS or longer
   };
   Now now() const;
 
   static constexpr double kLongBlindS = 2.0;
 
  private:
-  void add(SessionRow& row, const SessionAnswer& answer, const CameraSums& of_step, double passed_s);
+  void add(SessionRow& row, const SessionAnswer& answer, const CameraSums& of_step);
   void erase(Rows::iterator row);
 
   mutable std::mutex mutex_;

@@ -406,7 +406,7 @@ Result<SessionAnswer> Session::finish_step(const Status& taken) {
   answer.hash = mirror_.hash();
   answer.queue_ns = newest_arrival_ns_ > 0 ? std::max<int64_t>(0, step_start_ns_ - newest_arrival_ns_) : 0;
   answer.scene_ns = std::exchange(pending_scene_ns_, 0);
-  pending_dt_s_ = 0.0;
+  answer.moved_s = std::min(std::exchange(pending_dt_s_, 0.0), kMaxStepS);
   describe_relative(answer);
   if (Status finite = check_finite(answer); !finite) return tl::unexpected(finite.error());
   return answer;

@@ -102,6 +102,7 @@ struct SessionAnswer {
   uint64_t sequence = 0;
   double time_s = 0.0;
   double pose_time_s = 0.0;
+  double moved_s = 0.0;  // the time that the step took the camera on for, of all merged ticks, at most kMaxStepS
   StepResult step;
   Lens lens;  // as used, zoom included
   std::optional<uint64_t> relative_target_id;

@@ -56,9 +56,10 @@ constexpr double kBlindS = 2.0, kSearchAgainS = 1.0, kStuckS = 1.0, kStuckMps = 
 constexpr double kViewHoldsS = 0.1, kViewHoldsAfterS = 0.5;
 // The viewpoint search may know that this share more of the targets is seen at the wanted shot than from the camera. Or
 // it knows that a picture from there lacks less, by this much in picture_loss, than is expected at the end of the best
-// plan. When it has known that for this time, and for as long as the straight way takes, the camera takes a far way to
-// the shot: among targets that run, what was seen from there for a moment is over when the camera arrives. On its way,
-// half as much is enough to go on, and it goes on for a while without any gain. The way ends this near to the shot.
+// plan. The camera takes a far way to the shot when it has known that for this time, or for as long as the straight way
+// takes if that is longer: among targets that run, what was seen from there for a moment is over when the camera
+// arrives. On its way, half as much is enough to go on, and it goes on for a while without any gain. The way ends this
+// near to the shot.
 constexpr double kShotGainsS = 0.5, kShotGain = 0.3, kShotGainAhead = 0.4, kShotGoesOnS = 0.3, kShotNearM = 1.0;
 // Time without a gain counts so many times as much as time with one.
 constexpr double kNoGain = 2.0;
@@ -533,12 +534,16 @@ class GoalSearch {
   }
   double shot_gains_s(uint32_t seen, const FlightPlan& plan) const {
     const BlindState& former = in_.carried.blind;
-    if (seen == 0 && !former.way_m.empty()) return former.shot_gains_s;  // it is on a way
-    if (seen != 0 && gains_by_shot(seen, plan))
-      return std::min(former.shot_gains_s + in_.step.decision_s, gains_needed_s() + kShotGoesOnS);
-    return std::max(former.shot_gains_s - kNoGain * in_.step.decision_s, 0.0);
+    const double most_s = gains_needed_s() + kShotGoesOnS, former_s = std::min(former.shot_gains_s, most_s);
+    if (seen == 0 && !former.way_m.empty()) return former_s;  // it is on a way
+    if (seen != 0 && gains_by_shot(seen, plan)) return std::min(former_s + in_.step.decision_s, most_s);
+    return std::max(former_s - kNoGain * in_.step.decision_s, 0.0);
   }
-  double gains_needed_s() const { return std::max(kShotGainsS, left_m() / settings_.speed_mps); }
+  // Before the camera goes; on its way, the shot may move.
+  double gains_needed_s() const {
+    const bool is_on_way = !in_.carried.blind.way_m.empty();
+    return is_on_way ? kShotGainsS : std::max(kShotGainsS, left_m() / settings_.speed_mps);
+  }
   bool gains_by_shot(uint32_t seen, const FlightPlan& plan) const {
     double enough = in_.carried.blind.way_m.empty() ? 1.0 : 0.5;
     // Standing targets may stand for long, so a single hidden one of many is reason enough.

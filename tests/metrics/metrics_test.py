@@ -268,6 +268,7 @@ class Cameras(unittest.TestCase):
                 expected = count(replies)
                 until(lambda: value(scrape(daemon.operators), "sightline_steps_total", level="0") == len(replies), "all steps")
                 families = scrape(daemon.operators)
+            until(lambda: value(scrape(daemon.operators), "sightline_sessions_open") == 0, "the session ends")
             ended = scrape(daemon.operators)
         self.assertGreater(sum(expected.get(name, 0.0) for name in BLIND), 0.5, "the wall hides them")
         self.assertGreater(expected["tracking"], 1.0)

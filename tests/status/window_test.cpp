@@ -135,6 +135,7 @@ TEST(Cameras, SharesAreOfTheTimeBetween) {
   EXPECT_DOUBLE_EQ(shares.tracking, 0.6);
   EXPECT_DOUBLE_EQ(shares.partial, 0.2);
   EXPECT_DOUBLE_EQ(shares.blind, 0.2);
+  EXPECT_DOUBLE_EQ(shares.target_seconds, 20.0);
   EXPECT_DOUBLE_EQ(shares.shown, 0.75);
   EXPECT_DOUBLE_EQ(shares.shot_kept, 0.25);
   EXPECT_DOUBLE_EQ(shares.shot_seconds, 8.0);
@@ -152,6 +153,8 @@ TEST(StatusText, ListsTheSessionsThatSeeLeastFirst) {
     session.mutable_camera()->set_shown_s(shown);
   };
   add("half", 0, 0.5), add("whole", 0, 1.0), add("short", 1.0, 0.9), add("long", 9.0, 0.9);
+  add("no targets", 0, 0.0);
+  sessions.mutable_sessions(4)->mutable_camera()->set_target_s(0.0);
   sessions.mutable_sessions(1)->set_label("whole\x1b[2J");
   std::ostringstream out;
   print_sessions(out, sessions);
@@ -159,6 +162,7 @@ TEST(StatusText, ListsTheSessionsThatSeeLeastFirst) {
   EXPECT_LT(text.find("long"), text.find("short")) << text;
   EXPECT_LT(text.find("short"), text.find("half")) << text;
   EXPECT_LT(text.find("half"), text.find("whole")) << text;
+  EXPECT_LT(text.find("whole"), text.find("no targets")) << text;
   EXPECT_EQ(text.find('\x1b'), std::string::npos) << "a label is a client's text";
 }
 
