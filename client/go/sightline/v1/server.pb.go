@@ -540,7 +540,7 @@ func (x *GetServerStatsResponse) GetBlindSessions() uint32 {
 	return 0
 }
 
-// What cameras showed, summed over the time of the game in seconds. A paused game adds nothing, and a step counts for at most 0.25 s. Targets with a weight count: the
+// What cameras showed, summed over the time of the game (dt_s) in seconds. A paused game adds nothing, and a step counts for at most 0.25 s. Targets with a weight count: the
 // required ones, or all if none is required.
 type CameraFigures struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
@@ -556,7 +556,7 @@ type CameraFigures struct {
 	WaitingS float64 `protobuf:"fixed64,5,opt,name=waiting_s,json=waitingS,proto3" json:"waiting_s,omitempty"`
 	// Time with LOST.
 	LostS float64 `protobuf:"fixed64,6,opt,name=lost_s,json=lostS,proto3" json:"lost_s,omitempty"`
-	// Time with HOLDING: there were no targets.
+	// Time with HOLDING: no target had a weight.
 	HoldingS float64 `protobuf:"fixed64,7,opt,name=holding_s,json=holdingS,proto3" json:"holding_s,omitempty"`
 	// Time, times the number of targets that count.
 	TargetS float64 `protobuf:"fixed64,8,opt,name=target_s,json=targetS,proto3" json:"target_s,omitempty"`
@@ -735,7 +735,7 @@ func (*ListSessionsRequest) Descriptor() ([]byte, []int) {
 // The open sessions, those that wait for their client (kept_sessions) included, in the order of their opening.
 type ListSessionsResponse struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
-	// One element a session.
+	// One element for each session.
 	Sessions      []*SessionFigures `protobuf:"bytes,1,rep,name=sessions,proto3" json:"sessions,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
@@ -795,7 +795,7 @@ type SessionFigures struct {
 	QualityLevel uint32 `protobuf:"varint,6,opt,name=quality_level,json=qualityLevel,proto3" json:"quality_level,omitempty"`
 	// Status of the last step, as in its reply. TRACKING_STATUS_UNSPECIFIED: there was no step.
 	Status TrackingStatus `protobuf:"varint,7,opt,name=status,proto3,enum=sightline.v1.TrackingStatus" json:"status,omitempty"`
-	// For how long nothing of any target has been seen, in seconds of the game; 0: something is seen.
+	// For how long nothing of any target has been seen, in seconds of the game. 0: something is seen, or no target has a weight.
 	BlindS float64 `protobuf:"fixed64,8,opt,name=blind_s,json=blindS,proto3" json:"blind_s,omitempty"`
 	// What the camera showed since the session was opened.
 	Camera        *CameraFigures `protobuf:"bytes,9,opt,name=camera,proto3" json:"camera,omitempty"`
