@@ -27,6 +27,7 @@ COMMANDS = {
     "report": ("FILE",),
     "shots": (),
     "status": (),
+    "sessions": (),
     "top": (),
 }
 ON_RECORDINGS = ("info", "verify", "recover", "dump", "cut", "replay", "compare", "report")

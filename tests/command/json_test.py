@@ -198,8 +198,13 @@ class Json(unittest.TestCase):
         self.assertEqual(told["stats"]["refused_ticks"], "0", "what is zero is told, too")
         self.assertEqual(run(SIGHTLINE, "status", "--address", "127.0.0.1:1", "--json").returncode, NO)
 
+    def test_of_sessions(self):
+        told = self.value("sessions", "--server", self.address, "--json")
+        self.assertEqual(told, {"sessions": []})
+        self.assertEqual(run(SIGHTLINE, "sessions", "--server", "127.0.0.1:1", "--json").returncode, NO)
+
     def test_status_and_top_take_the_flags_of_a_connection(self):
-        for verb in ("status", "top"):
+        for verb in ("status", "sessions", "top"):
             done = run(SIGHTLINE, verb, "--address", self.address, "--token-file", self.folder / "no-token")
             self.assertEqual(done.returncode, NO, verb)
             self.assertIn("--token-file", done.stderr)
