@@ -12,6 +12,7 @@
 #include "server/move/best_acceleration.h"
 #include "server/move/picture_worth.h"
 #include "server/move/sight_weight.h"
+#include "server/step/plan_pricer.h"
 #include "server/step/stages.h"
 
 namespace sightline {
@@ -20,13 +21,6 @@ namespace {
 // A leg of a plan is flown at the mean speed of a camera that speeds up over this way, or over four cells if these are
 // longer.
 constexpr double kWayM = 4.0;
-// The cost of a place outside the limits of distance and elevation, metres. The limits go along with targets that move
-// this far within a plan: a camera behind a car flies where the car is now, which is too near to it. Those of targets
-// on foot stay where they are.
-constexpr float kOutsideLimits = 100.0f;
-constexpr double kLimitsMoveM = 4.0;
-// How much the last slice of a plan counts for the time after it, in plans.
-constexpr double kAfterwards = 0.3;
 // Before this time the camera can hardly change its course.
 constexpr double kAnswerS = 0.15;
 // The time constant with which that point moves, so that it does not jump between two plans that are equally good. It
@@ -84,125 +78,6 @@ void give_way(const MoveInput& in, double body_radius_m, std::vector<float>& cle
 }
 
 // ---- the flight plan ----
-
-class PlanPricer {
- public:
-  PlanPricer(const MoveInput& in, FlightPlanner& planner, std::vector<float>& outside)
-      : in_(in),
-        planner_(planner),
-        outside_(outside),
-        weights_(in.step.input.settings.move.cost),
-        ahead_(in.carried.candidates.ahead),
-        lattice_(in.carried.candidates.lattice),
-        group_mps_(group_velocity_mps(in.step)),
-        count_(effective_count(in.step.targets.sight_weights)) {
-    // The distance from the desired position counts less, by the square of the factor. Few places show many targets. A
-    // camera that is drawn away from them again and again does not show them, and is not calm.
-    const double factor = several_factor(count_);
-    occlusion_ = weights_.occlusion * factor, tolerance_ = weights_.tolerance / factor,
-    distance_ = weights_.distance / (factor * factor);
-    const MoveSettings& settings = in.step.input.settings.move;
-    shot_ = weights_.occlusion * settings.keep_shot * in.carried.shot.weight;
-    const glm::dvec3 asked_m = framed_offset_m(in.step,
-                                               in.carried.shot.in_line_m.value_or(in.carried.shot.asked_offset_m)) -
-                               in.carried.shot.subjects_m;
-    if (settings.follow == Follow::kOffset && shot_ > 0 && glm::length(asked_m) > kHereM) asked_m_ = asked_m;
-    if (targets_stand(in.step))
-      tolerance_ = std::max(tolerance_,
-                            picture_loss(good_enough_share(settings.viewpoint_search.keep_shot_below, count_), count_));
-  }
-
-  void price() {
-    for (const TrackedTarget& target : in_.step.targets.tracked_targets) targets_.push_back(target);
-    price_limits();
-    const double fastest_mps = fastest_target_mps();
-    guesses_ahead_ = fastest_mps * ahead_.ahead_s(kSlices - 1) <= kLimitsMoveM;
-    double limits_at_s = 0;
-    for (size_t slice = 0; slice < kSlices; ++slice) {
-      const double passed_s = ahead_.ahead_s(slice) - limits_at_s;
-      if (passed_s * fastest_mps > kLimitsMoveM) {
-        limits_at_s += passed_s;
-        move_limits(passed_s);
-      }
-      price_hidden(slice);
-      planner_.blur(slice, weights_.surroundings);
-      planner_.add_distances(slice, in_.desired_m + group_mps_ * ahead_.ahead_s(slice), distance_, outside_);
-      if (!asked_m_) continue;
-      const glm::dvec3 center_m = in_.step.center_m() + in_.carried.shot.subjects_m +
-                                  group_mps_ * ahead_.ahead_s(slice);
-      planner_.add_shot_losses(slice, center_m, *asked_m_, in_.step.input.settings.move.shot, shot_,
-                               in_.carried.shot.tolerance);
-    }
-  }
-  // The cost of a course on which no target is seen; 0 where sight does not count.
-  double blind_cost() const { return occlusion_ * (1 + kAfterwards); }
-  // True if a picture that is taken from a place after a time departs from the client's shot by no more than the free
-  // bands, as in ShotReport.
-  bool is_in_free_bands(const glm::dvec3& place_m, double ahead_s) const {
-    const WantedShot& shot = in_.carried.shot;
-    const glm::dvec3 asked_m = shot.asked_offset_m - shot.subjects_m,
-                     now_m = place_m - (in_.step.center_m() + shot.subjects_m + group_mps_ * ahead_s);
-    if (in_.step.input.settings.move.follow != Follow::kOffset || glm::length(asked_m) < kHereM ||
-        glm::length(now_m) < kHereM)
-      return false;
-    const double fov_rad = in_.step.lens.vertical_fov_rad;
-    return within_free_bands(deviation_between(shot_from(asked_m, fov_rad), shot_from(now_m, fov_rad), shot.tolerance));
-  }
-
- private:
-  void price_hidden(size_t slice) {
-    const std::span<float> costs = planner_.costs(slice);
-    const std::span<const SharePart> shares = ahead_.shares(slice);
-    const std::vector<uint32_t>& addresses = lattice_.addresses();
-    const auto occlusion = static_cast<float>(occlusion_), tolerance = static_cast<float>(tolerance_);
-    for (size_t i = 0; i < addresses.size(); ++i) {
-      const SharePart known = shares[addresses[i]];
-      const float share = known == kUnknownShare ? guessed_share(i, slice) : known * (1.0f / kWholeShare);
-      costs[planner_.cell_of(i)] = occlusion * std::max(0.0f, share - tolerance);
-    }
-  }
-  // Of a cell that is new to the lattice, some slices are not known yet. The share that is hidden there now says little
-  // of later times. If that alone counted, the camera would chase the edge of the bound while all other places are
-  // about to lose their sight. Behind a fast target it does count alone, because all places at the front of the bound
-  // are new there, and the camera will be beyond them.
-  float guessed_share(size_t candidate, size_t slice) const {
-    const auto now = static_cast<float>(picture_loss(in_.sights.hidden[candidate], count_));
-    if (!guesses_ahead_) return now;
-    const SharePart near = ahead_.nearest_known(slice, lattice_.addresses()[candidate]);
-    return near == kUnknownShare ? now : std::max(now, near * (1.0f / kWholeShare));
-  }
-  double fastest_target_mps() const {
-    double fastest_mps = 0;
-    for (const TrackedTarget& t : targets_)
-      if (t.steered()) fastest_mps = std::max(fastest_mps, glm::length(t.velocity_mps));
-    return fastest_mps;
-  }
-  void move_limits(double time_s) {
-    for (TrackedTarget& t : targets_) t.aim_m += t.velocity_mps * time_s;
-    price_limits();
-  }
-  void price_limits() {
-    const PlaceLimits limits(targets_, in_.step.input.settings.move);
-    outside_.assign(planner_.cell_count(), 0.0f);
-    for (size_t i = 0; i < lattice_.size(); ++i)
-      if (!limits.hold(in_.sights.position_m[i])) outside_[planner_.cell_of(i)] = kOutsideLimits;
-  }
-
-  const MoveInput& in_;
-  FlightPlanner& planner_;
-  std::vector<float>& outside_;                       // by cell: the cost of being outside the limits
-  InlineVector<TrackedTarget, kMaxTargets> targets_;  // where they are when these limits hold
-  const CostWeights& weights_;
-  const HiddenAhead& ahead_;
-  const Lattice& lattice_;
-  const glm::dvec3 group_mps_;
-  const double count_;          // of targets, see effective_count
-  bool guesses_ahead_ = false;  // false behind a fast target, see guessed_share
-  double occlusion_ = 0, tolerance_ = 0, distance_ = 0;
-  // The offset from the subjects' middle to the camera that pictures are compared with. Empty: they are not.
-  std::optional<glm::dvec3> asked_m_;
-  double shot_ = 0;
-};
 
 FlightSettings flight_settings(const MoveInput& in) {
   const double way_m = std::max(kWayM, 4 * in.carried.candidates.lattice.spacing_m());
