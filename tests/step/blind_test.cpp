@@ -138,7 +138,8 @@ TEST(Blind, ACameraThatSeesOneOfTwoForSecondsGoesToWhereItSeesBoth) {
     goes += r.reason == MoveReason::kFarViewpoint;
     if (i >= 360) both += r.targets[0].visible_share > 0.5 && r.targets[1].visible_share > 0.5;
   }
-  EXPECT_GT(both, 120) << "of 240 steps";
+  // The camera loses one of them now and then, and leaves for the shot after as long as the way there takes.
+  EXPECT_GT(both, 140) << "of 240 steps";
   EXPECT_GT(goes, 0);
 }
 
