@@ -8,7 +8,6 @@
 
 #include <cstdint>
 #include <glm/glm.hpp>
-#include <optional>
 #include <vector>
 
 #include "server/base/inline_vector.h"
@@ -28,10 +27,6 @@ struct BlindState {
   double shot_gains_s = 0.0;
   double searched_s = 1e3;  // since the last search for a way; at first that was long ago
   WayPoints way_m;          // empty: none was found or needed
-  // The nearest place with a view when it was last looked for, and how long ago that was. Empty: the camera is not on
-  // its way to one.
-  std::optional<glm::dvec3> view_m;
-  double view_s = 0.0;
 };
 
 struct FarWayInput {

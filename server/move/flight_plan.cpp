@@ -6,7 +6,6 @@
 
 #include "server/base/vector_clones.h"
 #include "server/move/picture_worth.h"
-#include "server/move/route.h"
 
 namespace sightline {
 namespace {
@@ -14,6 +13,9 @@ namespace {
 // The cost of a cell where the body does not fit. More than any plan costs; sums of it stay finite.
 constexpr float kClosed = 1e12f;
 constexpr float kNoWay = 1e11f;  // a plan that costs more leads through a closed cell
+// Nothing crosses a leg if the clearances of its ends add up to its length and this much more, metres. Across a wall
+// that stands upright on the leg they add up to the length itself, and they are rounded to single precision.
+constexpr double kNoCrossingM = 1e-4;
 
 struct LegStep {
   int x, y, z;
@@ -109,6 +111,21 @@ void take_leg(const float* __restrict values, size_t count, float extra, float* 
   }
 }
 
+// The cost of flying on from each place: a leg's time at the place counts by 1 - `keep`, and the rest lies beyond its
+// end. Returns whether that is less than `least` anywhere, and takes it over.
+SIGHTLINE_VECTOR_CLONES
+bool take_way_on(const float* __restrict here, const float* __restrict there, size_t count, float keep, float way,
+                 float* __restrict least) {
+  int less = 0;
+  for (size_t i = 0; i < count; ++i) {
+    const float value = here[i] + keep * (there[i] - here[i]) + way;
+    const bool is_less = (value < least[i]) & (here[i] < kNoWay);
+    less |= static_cast<int>(is_less);
+    least[i] = is_less ? value : least[i];
+  }
+  return less != 0;
+}
+
 SIGHTLINE_VECTOR_CLONES
 void sum_of_three(const float* __restrict values, size_t count, std::ptrdiff_t step, float* __restrict sums) {
   const float* before = values - step;
@@ -154,6 +171,7 @@ void FlightPlanner::lay(const PlaceView& places, std::span<const glm::dvec3> pos
   const size_t cells = box_.count();
   open_.assign(cells, 0.0f);
   clear_m_.assign(cells, -1.0f);
+  gain_beyond_.assign(cells, 0.0f);
   candidate_.assign(cells, UINT32_MAX);
   cell_of_.resize(places.in_runs());
   for (std::vector<float>* offsets_m : {&offset_.x_m, &offset_.y_m, &offset_.z_m}) offsets_m->assign(cells, 0.0f);
@@ -201,6 +219,7 @@ void FlightPlanner::lay_box(const PlaceView& places, size_t slices) {
   // The rims of these are read, and never written again.
   for (std::vector<float>& values : value_) values.assign(cells, kClosed);
   arrive_.assign(cells, kClosed);
+  beyond_.assign(cells, kClosed);
   set_positions();
 }
 
@@ -302,6 +321,38 @@ void FlightPlanner::least_at_legs(const float* values, int axes) {
     if (kLegs[leg].axes == axes)
       take_least(values + begin_ + offset_of(kLegs[leg], box_), legs_.data() + begin_, count, 1u << leg,
                  best_.data() + begin_);
+}
+
+// Flying on along legs of so many axes. Returns whether that is better anywhere.
+bool FlightPlanner::fly_on(int axes, const FlightSettings& settings) {
+  const double length_m = spacing_m_ * std::sqrt(static_cast<double>(axes));
+  const auto keep = static_cast<float>(std::exp(-length_m / (settings.speed_mps * kFarS)));
+  least_at_legs(arrive_.data(), axes);
+  return take_way_on(cost_.back().data() + begin_, best_.data() + begin_, end_ - begin_, keep,
+                     static_cast<float>(settings.route * length_m), beyond_.data() + begin_);
+}
+
+void FlightPlanner::look_beyond(const FlightSettings& settings) {
+  const size_t count = end_ - begin_;
+  const float* const staying = cost_.back().data() + begin_;
+  std::copy_n(staying, count, beyond_.data() + begin_);
+  bool is_better = true;
+  for (int leg = 0; leg < kLegsBeyond && is_better; ++leg) {
+    std::copy_n(beyond_.data() + begin_, count, arrive_.data() + begin_);
+    is_better = false;
+    for (int axes = 1; axes <= 3; ++axes) is_better = fly_on(axes, settings) || is_better;
+  }
+  std::copy_n(beyond_.data() + begin_, count, gain_beyond_.data() + begin_);
+  add_to(staying, count, -1.0f, gain_beyond_.data() + begin_);
+}
+
+void FlightPlanner::price_afterwards(const FlightSettings& settings) {
+  const auto weight = static_cast<float>(settings.afterwards * static_cast<double>(cost_.size()));
+  const size_t count = end_ - begin_;
+  float* const last = value_.back().data() + begin_;
+  std::fill_n(last, count, 0.0f);
+  add_to(cost_.back().data() + begin_, count, weight, last);
+  add_to(gain_beyond_.data() + begin_, count, weight, last);
 }
 
 double FlightPlanner::leg_m(uint32_t leg) const {
@@ -428,10 +479,7 @@ const FlightPlan& FlightPlanner::plan(const FlightStart& start, const FlightSett
   plan_.at_s.assign(1, 0.0);
   plan_.candidates.clear();
   plan_.cost = kClosed;
-  std::vector<float>& last = value_.back();
-  std::fill_n(last.begin() + static_cast<std::ptrdiff_t>(begin_), end_ - begin_, 0.0f);
-  add_to(cost_.back().data() + begin_, end_ - begin_,
-         static_cast<float>(settings.afterwards * static_cast<double>(cost_.size())), last.data() + begin_);
+  price_afterwards(settings);
   for (size_t slice = cost_.size(); slice-- > 0;) price_slice(slice, settings);
   if (enter(start, settings)) go_on(settings);
   return plan_;
@@ -473,6 +521,11 @@ double FlightPlanner::cost_at(const glm::dvec3& position_m, size_t slice, double
     return cost_[slice][address] - pull.weight * glm::distance(glm::dvec3(cell) * spacing_m_, pull.point_m);
   });
   return std::isfinite(mean) ? mean + pull.weight * glm::distance(position_m, pull.point_m) : otherwise;
+}
+
+double FlightPlanner::afterwards_at(const glm::dvec3& position_m, double otherwise) const {
+  const auto slices = static_cast<double>(cost_.size());
+  return cost_from(position_m, cost_.size(), otherwise * slices) / slices;
 }
 
 double FlightPlanner::cost_from(const glm::dvec3& position_m, size_t slice, double otherwise) const {

@@ -5,9 +5,9 @@
 // the camera stays in its cell or flies to one of its 26 neighbours. A leg takes as long as its length does at the
 // camera's mean speed, and at least a slice. It costs its length and, for each slice on the way, the mean of both
 // cells' costs. A leg that ends between two slices costs the mean of what it would cost if it ended at the one or the
-// other, weighted by how near they are. Beyond the last slice the camera is taken to stay. The plan with the least sum
-// of costs is found exactly, with lengths and distances measured between the cells' middles. So the camera leaves early
-// for a place that will be good, and passes a bad one only while that pays.
+// other, weighted by how near they are. Beyond the last slice the camera is taken to stay, or to fly on to where it
+// sees more. The plan with the least sum of costs is found exactly, with lengths and distances measured between the
+// cells' middles. So the camera leaves early for a place that will be good, and passes a bad one only while that pays.
 //
 // The paper (3.4, 6.1) chooses a position that is good now or at one predicted time. This goes further: it also chooses
 // when to be where.
@@ -56,6 +56,10 @@ struct FlightStart {
 // Memory is kept from call to call. Not thread-safe. Deterministic.
 class FlightPlanner {
  public:
+  // The time constant with which the time after a plan counts less, and how many legs beyond it are looked at.
+  static constexpr double kFarS = 1.0;
+  static constexpr int kLegsBeyond = 8;
+
   // Sets the cells and the legs between them. `places`: at least one run, none empty. `position_m`: of each candidate
   // in the runs; where the camera is in that cell, less than a spacing from the cell's middle (clearance_cache.h).
   // `clearance_m`: from there to the nearest collider, metres
@@ -76,6 +80,14 @@ class FlightPlanner {
   // the body does not fit.
   void blur(size_t slice, double share);
 
+  // Looks beyond the last slice: what a camera that flies on from each cell will lack of its sight, if what is hidden
+  // at the last slice stays hidden. It is the mean over the time to come, which counts the less, the later it is (see
+  // kFarS), on the best way of at most kLegsBeyond legs. A cell in the dark is the better, the nearer it is to one in
+  // the light. Called once, when the last slice holds the costs of what is hidden and is blurred.
+  void look_beyond(const FlightSettings& settings);
+  // The result for a candidate, at least 0 and at most its cost at the last slice then.
+  double sight_beyond(uint32_t candidate) const { return beyond_[cell_of_[candidate]]; }
+
   // Adds `weight` >= 0 times the distance of each cell from a point, and `others`, by cell. Called after `blur`, at
   // most once for each slice.
   void add_distances(size_t slice, const glm::dvec3& point_m, double weight, std::span<const float> others);
@@ -92,6 +104,9 @@ class FlightPlanner {
   // The cost of a slice at any position: interpolated between the open cells around it; `otherwise` if there is none.
   // The distance from the point that add_distances was given counts exactly.
   double cost_at(const glm::dvec3& position_m, size_t slice, double otherwise) const;
+  // The cost of the time after the last slice for a camera that is at a position then, in units of a whole plan's;
+  // `otherwise` as for cost_from. Valid after `plan`.
+  double afterwards_at(const glm::dvec3& position_m, double otherwise) const;
   // The cost of the cheapest plan that begins at a position and a slice, [0, slice_count()]: the sum over its slices,
   // with its way and the time after it. Valid after `plan`. Interpolated as above, but `otherwise` also where the
   // position is hardly in an open cell.
@@ -109,6 +124,8 @@ class FlightPlanner {
   // Writes to best_: the least of the values at the ends of the legs that run along `axes` axes.
   void least_at_legs(const float* values, int axes);
   void least_at_unmasked_legs(const float* values, int axes);
+  bool fly_on(int axes, const FlightSettings& settings);
+  void price_afterwards(const FlightSettings& settings);
   void price_slice(size_t slice, const FlightSettings& settings);
   uint32_t best_move(size_t slice, uint32_t cell, const FlightSettings& settings) const;
   double move_cost(size_t slice, uint32_t cell, uint32_t leg, const FlightSettings& settings) const;
@@ -137,6 +154,7 @@ class FlightPlanner {
   };
   std::vector<Pull> pull_;                        // by slice: what add_distances was given
   std::vector<std::vector<float>> cost_, value_;  // by slice and cell; value_ has one slice more: what comes afterwards
+  std::vector<float> beyond_, gain_beyond_;       // by cell, see look_beyond; the gain is at most 0
   std::array<bool, 4> is_masked_{};  // by number of axes: the clearances decide which of these legs can be flown
   std::vector<float> open_around_;   // by cell: the number of open cells in the 3 x 3 x 3 around it
   std::vector<float> scratch_, best_, arrive_;

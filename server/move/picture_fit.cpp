@@ -178,7 +178,7 @@ void PictureFit::set_places(std::span<const glm::dvec3> position_m) {
   }
 }
 
-void PictureFit::outside_share(std::span<const Body> bodies, const Lens& lens, double margin, double roll_rad,
+void PictureFit::outside_share(std::span<const Body> bodies, const Lens& lens, double roll_rad,
                                std::span<float> share) {
   std::fill(share.begin(), share.end(), 0.0f);
   double all = 0;
@@ -212,7 +212,7 @@ void PictureFit::outside_share(std::span<const Body> bodies, const Lens& lens, d
   turn_to_middle(extents, lean, count, forward_x_.data(), forward_y_.data(), forward_z_.data(), right_x_.data(),
                  right_z_.data());
   look();
-  const double top = (1 - margin) * std::tan(lens.vertical_fov_rad / 2);
+  const double top = std::tan(lens.vertical_fov_rad / 2);
   for_each_body([&](const Axis& axis, float weight) {
     add_outside(places, count, axis, lean, static_cast<float>(top * lens.aspect), static_cast<float>(top), weight,
                 share.data());

@@ -26,11 +26,10 @@ class PictureFit {
   void set_places(std::span<const glm::dvec3> position_m);
 
   // Writes the mean share of the bodies, by weight, that lies outside the picture from each place, [0, 1]; `share` has
-  // one entry a place. `lens`: at its widest, if it zooms. `margin`, [0, 1): of each half of the picture that should
-  // stay free. The camera is taken to look at the middle of what it would have to show, with this roll (ViewAngles),
-  // within +-pi/4. The share of a body is that of the rectangle around it in the picture.
-  void outside_share(std::span<const Body> bodies, const Lens& lens, double margin, double roll_rad,
-                     std::span<float> share);
+  // one entry a place. `lens`: at its widest, if it zooms. The camera is taken to look at the middle of what it would
+  // have to show, with this roll (ViewAngles), within +-pi/4. The share of a body is that of the rectangle around it in
+  // the picture.
+  void outside_share(std::span<const Body> bodies, const Lens& lens, double roll_rad, std::span<float> share);
 
  private:
   glm::dvec3 origin_m_{0.0};

@@ -247,8 +247,8 @@ struct StateFields {
 
   template <typename A, SameAs<BlindState> T>
   static void each(A& archive, T& blind) {
-    auto& [blind_s, shot_gains_s, searched_s, way, view, view_s] = blind;
-    archive(blind_s, shot_gains_s, searched_s, way, view, view_s);
+    auto& [blind_s, shot_gains_s, searched_s, way] = blind;
+    archive(blind_s, shot_gains_s, searched_s, way);
   }
   template <typename A, SameAs<SummedGain> T>
   static void each(A& archive, T& gain) {
@@ -551,7 +551,6 @@ struct StateFields {
     const auto in_time = [](const Foreseen& of) { return of.in_s >= 0 && of.in_s <= kSlices * kSliceS; };
     return sight.hidden >= 0 && sight.hidden <= 1 && std::all_of(sight.ahead.begin(), sight.ahead.end(), in_time);
   }
-  static constexpr double kFarthestViewM = 1e4;  // farther than any bound reaches
   static bool possible(const CarriedState& state) {
     const auto past = [](const TargetPast& of) {
       return possible(of.predictor.travel_) && possible(of.predictor.turn_);
@@ -559,15 +558,13 @@ struct StateFields {
     const auto track = [](const ShareWindow::Track& of) { return of.kept <= kShareSteps; };
     const auto& shares = state.shares.tracks_;
     const auto known = [](size_t viewpoint) { return viewpoint < ViewpointMap::kViewpoints; };
-    const glm::dvec3& eye_m = state.camera.pose.position_m;
-    const bool near_view = glm::distance(state.blind.view_m.value_or(eye_m), eye_m) < kFarthestViewM;
     const auto asked = [](const AskedSight& of) { return possible(of); };
     return std::all_of(state.shot.at_asked.begin(), state.shot.at_asked.end(), asked) && possible(state.candidates) &&
            possible(state.viewpoints) && possible(state.in_force) && state.pasts.size() <= kMaxTargets &&
            std::all_of(state.pasts.begin(), state.pasts.end(), past) && shares.size() <= kMaxTargets &&
            std::all_of(shares.begin(), shares.end(), track) && state.trail.places_m().size() <= Trail::kPlaces &&
            state.path.position_m.count() > 0 && state.path.rotation.count() > 0 && known(state.shot.asked_viewpoint) &&
-           known(state.shot.viewpoint.value_or(0)) && near_view;
+           known(state.shot.viewpoint.value_or(0));
   }
 };
 

@@ -115,8 +115,8 @@ void Aggregation::find_outside(std::span<const glm::dvec3> aim_m) {
     bodies.push_back({aim_m[i] - glm::dvec3(0, target.low_m, 0), aim_m[i] + glm::dvec3(0, target.high_m, 0),
                       target.aside_m, step_.targets.sight_weights[i]});
   }
-  const FramingSettings framing = framing_of(step_.input);
-  scratch_.picture_fit.outside_share(bodies, widest(step_.lens, framing), framing.framing_margin, step_.roll_rad(),
+  // Judged by the whole picture: what lies in the margin that the aim keeps free is seen.
+  scratch_.picture_fit.outside_share(bodies, widest(step_.lens, framing_of(step_.input)), step_.roll_rad(),
                                      scratch_.outside);
 }
 

@@ -45,9 +45,8 @@ constexpr Pace kHurried{};
 // A camera that has seen no target for so long takes a way through the level (move/far_way.h), and searches it again
 // after this time, since targets move. It does so sooner if it hardly moves.
 constexpr double kBlindS = 2.0, kSearchAgainS = 1.0, kStuckS = 1.0, kStuckMps = 0.2;
-// A camera without a view goes to the nearest place that has one. Maps that differ by a few texels show different
-// places, so when it has been without a view for a while, it keeps to one place for a moment.
-constexpr double kViewHoldsS = 0.1, kViewHoldsAfterS = 0.5;
+// Where sight beyond a plan costs this share of what seeing nobody costs, no view is in reach.
+constexpr double kDarkShare = 0.97;
 // The viewpoint search may know that this share more of the targets is seen at the wanted shot than from the camera. Or
 // it knows that a picture from there lacks less, by this much in picture_loss, than is expected at the end of the best
 // plan. The camera takes a far way to the shot when it has known that for this time, or for as long as the straight way
@@ -101,7 +100,8 @@ double cost_of_path(const FlightPlanner& planner, const HiddenAhead& ahead, cons
     if (slice == 0 || glm::distance(at_m, in_bound_m) <= kBeyondM) last = planner.cost_at(in_bound_m, slice, 100.0);
     sum += last;
   }
-  return sum / kSlices + settings.afterwards * last + settings.route * glm::distance(path(0), in_bound_m);
+  return sum / kSlices + planner.afterwards_at(in_bound_m, settings.afterwards * last) +
+         settings.route * glm::distance(path(0), in_bound_m);
 }
 
 class GoalSearch {
@@ -110,8 +110,8 @@ class GoalSearch {
       : in_(in),
         scratch_(scratch),
         planner_(scratch.planner),
-        pricer_(in, planner_, scratch.outside),
         settings_(flight_settings(in)),
+        pricer_(in, planner_, settings_, scratch.outside),
         ways_(in.surroundings.colliders, in.step.camera.pose.position_m, body_m(in)) {}
 
   Goal choose() {
@@ -125,8 +125,7 @@ class GoalSearch {
     const FlightPlan& plan = planner_.plan(start(), settings_);
     blind_ = blind_since(plan);
     std::optional<Goal> goal = take_far_way(body_radius_m);
-    blind_.view_m.reset();
-    if (!goal) goal = sees_any(plan) ? go_on(plan) : go_to_view(plan, body_radius_m);
+    if (!goal) goal = sees_any(plan) ? go_on(plan) : go_to_view(plan);
     goal->blind = blind_;
     goal->change = change_;
     return *goal;
@@ -323,45 +322,20 @@ class GoalSearch {
     return wanted_mps * std::max(1.0, arrival_mps / std::max(glm::length(wanted_mps), 1e-9));
   }
 
-  // ---- without a view on the plan: the nearest view, or the trail ----
+  // ---- without a view on the plan: on to one beyond it, or the trail ----
 
-  Goal go_to_view(const FlightPlan& plan, double body_radius_m) {
-    lattice_cells(in_.sights.candidates.position_m, in_.carried.candidates.lattice.spacing_m(), scratch_.cells);
-    const auto& position_m = in_.sights.position_m;
-    const RouteNodes nodes{.position_m = position_m,
-                           .cell = scratch_.cells,
-                           .clearance_m = scratch_.clearance_m,
-                           .first_leg_is_free = [&](uint32_t node) { return ways_.is_free(position_m[node]); },
-                           .spacing_m = in_.carried.candidates.lattice.spacing_m()};
-    scratch_.routes.begin(nodes, static_cast<uint32_t>(in_.sights.own_candidate), body_radius_m);
-    const std::optional<uint32_t> view = find_view();
-    if (!view) return escape(plan);
-    scratch_.way = scratch_.routes.to(*view);
-    const Leg leg = first_leg(in_, scratch_.way, body_m(in_));
-    Goal goal = goal_at(*view, part_of_way_m(leg.to_m, settings_.speed_mps * kGoalS), FlightCourse::kToView);
+  Goal go_to_view(const FlightPlan& plan) {
+    if (is_dark_beyond(plan)) return escape(plan);
+    Goal goal = go_on(plan);
+    goal.courses.taken = FlightCourse::kToView;
+    goal.choice.reason = reason_of(FlightCourse::kToView, {});
     goal.searches = true;
-    goal.tracking = along(in_.step, leg);
-    goal.velocity_mps = velocity_along(in_.step, leg, glm::dvec3(0.0));
     return goal;
   }
-  // The nearest candidate that sees a target. While there is one, the camera keeps for a while to the one that was the
-  // nearest.
-  std::optional<uint32_t> find_view() {
-    const auto& former_m = in_.carried.blind.view_m;
-    blind_.view_s = in_.carried.blind.view_s + in_.step.decision_s;
-    const bool holds = former_m && blind_.view_s < kViewHoldsS && blind_.blind_s > kViewHoldsAfterS;
-    const std::optional<uint32_t> former = holds ? planner_.candidate_at(*former_m) : std::nullopt;
-    std::optional<uint32_t> nearest;
-    bool reaches_former = false;
-    while (const auto candidate = scratch_.routes.settle_next()) {
-      reaches_former = reaches_former || former == *candidate;
-      if (!nearest && in_.sights.hidden[*candidate] < kAllHidden) nearest = candidate;
-      if (nearest && (!former || reaches_former)) break;
-    }
-    if (!nearest) return std::nullopt;
-    if (!reaches_former) blind_.view_s = 0.0;
-    blind_.view_m = reaches_former ? *former_m : in_.sights.position_m[*nearest];
-    return reaches_former ? former : nearest;
+  // No place in reach of the plan's end is expected to see a target.
+  bool is_dark_beyond(const FlightPlan& plan) const {
+    return plan.candidates.empty() ||
+           planner_.sight_beyond(plan.candidates.back()) > kDarkShare * pricer_.hidden_cost(1.0);
   }
   Goal escape(const FlightPlan& plan) {
     const auto leg = leg_to_trail(in_, body_m(in_), scratch_.trail_colliders);
@@ -535,8 +509,8 @@ class GoalSearch {
   const MoveInput& in_;
   MoveScratch& scratch_;
   FlightPlanner& planner_;
-  PlanPricer pricer_;
   const FlightSettings settings_;
+  PlanPricer pricer_;
   StraightWays ways_;
   BlindState blind_;
   std::optional<SummedGain> change_;  // empty at a step that does not compare courses

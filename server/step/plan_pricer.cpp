@@ -18,9 +18,11 @@ constexpr double kNowhereM = 0.05;
 
 }  // namespace
 
-PlanPricer::PlanPricer(const MoveInput& in, FlightPlanner& planner, std::vector<float>& outside)
+PlanPricer::PlanPricer(const MoveInput& in, FlightPlanner& planner, const FlightSettings& flight,
+                       std::vector<float>& outside)
     : in_(in),
       planner_(planner),
+      flight_(flight),
       outside_(outside),
       weights_(in.step.input.settings.move.cost),
       ahead_(in.carried.candidates.ahead),
@@ -57,6 +59,7 @@ void PlanPricer::price() {
     }
     price_hidden(slice);
     planner_.blur(slice, weights_.surroundings);
+    if (slice + 1 == kSlices) planner_.look_beyond(flight_);
     planner_.add_distances(slice, in_.desired_m + group_mps_ * ahead_.ahead_s(slice), distance_, outside_);
     if (!asked_m_) continue;
     const glm::dvec3 center_m = in_.step.center_m() + in_.carried.shot.subjects_m + group_mps_ * ahead_.ahead_s(slice);

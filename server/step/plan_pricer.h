@@ -3,6 +3,7 @@
 // metres, as the weights are (CostWeights).
 #pragma once
 
+#include <algorithm>
 #include <optional>
 #include <vector>
 
@@ -14,16 +15,18 @@ namespace sightline {
 // How much the last slice of a plan counts for the time after it, in plans.
 inline constexpr double kAfterwards = 0.3;
 
-// Used for one decision; `in`, `planner` and `outside` must outlive it. Not thread-safe.
+// Used for one decision; `in`, `planner`, `flight` and `outside` must outlive it. Not thread-safe.
 class PlanPricer {
  public:
   // `outside` is memory that is used again.
-  PlanPricer(const MoveInput& in, FlightPlanner& planner, std::vector<float>& outside);
+  PlanPricer(const MoveInput& in, FlightPlanner& planner, const FlightSettings& flight, std::vector<float>& outside);
 
   // Sets the costs of all slices. The planner must have been laid over the candidates.
   void price();
   // The cost of a course on which no target is seen; 0 where sight does not count.
   double blind_cost() const { return occlusion_ * (1 + kAfterwards); }
+  // The cost of a picture that lacks this share (picture_loss), [0, 1], of the targets.
+  double hidden_cost(double share) const { return occlusion_ * std::max(0.0, share - tolerance_); }
   // True if a picture that is taken from a place after a time departs from the client's shot by no more than the free
   // bands, as in ShotReport.
   bool is_in_free_bands(const glm::dvec3& place_m, double ahead_s) const;
@@ -37,6 +40,7 @@ class PlanPricer {
 
   const MoveInput& in_;
   FlightPlanner& planner_;
+  const FlightSettings& flight_;
   std::vector<float>& outside_;                       // by cell: the cost of being outside the limits
   InlineVector<TrackedTarget, kMaxTargets> targets_;  // where they are when these limits hold
   const CostWeights& weights_;

@@ -14,7 +14,6 @@
 #include "server/move/clearance_cache.h"
 #include "server/move/flight_plan.h"
 #include "server/move/picture_fit.h"
-#include "server/move/route.h"
 #include "server/move/summed_gain.h"
 #include "server/paper/choose_place.h"
 #include "server/paper/groups.h"
@@ -215,9 +214,9 @@ struct MoveInput {
   uint32_t seen_here = 0;
 };
 struct MoveScratch {
-  std::vector<glm::ivec3> cells;  // of the candidates
   // Strategy kRobust.
-  std::vector<uint8_t> members;  // by candidate: 1 if it sees all steered targets
+  std::vector<glm::ivec3> cells;  // of the candidates
+  std::vector<uint8_t> members;   // by candidate: 1 if it sees all steered targets
   GroupScratch group_scratch;
   Groups groups;
   EdgeDistanceScratch edge_distance_scratch;
@@ -227,7 +226,6 @@ struct MoveScratch {
   // Strategy kMinCost.
   std::vector<float> clearance_m;  // by candidate: to static colliders; 0 where a mover is expected
   FlightPlanner planner;
-  RouteFinder routes;
   std::vector<float> outside;      // by cell of the planner: the cost of being outside the limits
   std::vector<uint32_t> way;       // the candidates on the way to the goal
   double way_m = 0;                // length of the way to the chosen candidate, whichever strategy chose it

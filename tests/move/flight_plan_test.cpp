@@ -44,12 +44,14 @@ struct Block {
 using Costs = std::vector<std::vector<float>>;
 
 const FlightPlan& planned(FlightPlanner& planner, const Block& block, const Costs& costs, const FlightStart& start,
-                          const FlightSettings& settings, double body_m = 0.3, double blur = 0.0) {
+                          const FlightSettings& settings, double body_m = 0.3, double blur = 0.0,
+                          bool looks_beyond = false) {
   planner.lay(block.places, block.position_m, block.clearance_m, body_m, costs.size());
   for (size_t slice = 0; slice < costs.size(); ++slice) {
     for (uint32_t i = 0; i < costs[slice].size(); ++i) planner.costs(slice)[planner.cell_of(i)] = costs[slice][i];
     planner.blur(slice, blur);
   }
+  if (looks_beyond) planner.look_beyond(settings);
   return planner.plan(start, settings);
 }
 
@@ -62,12 +64,31 @@ Costs always(const Block& block, size_t slices, float cost) {
 // header alone.
 class EveryWay {
  public:
-  EveryWay(const Block& block, const Costs& costs, const FlightSettings& settings, double body_m)
-      : block_(block), costs_(costs), settings_(settings), body_m_(body_m) {}
+  EveryWay(const Block& block, const Costs& costs, const FlightSettings& settings, double body_m,
+           bool looks_beyond = false)
+      : block_(block), costs_(costs), settings_(settings), body_m_(body_m), looks_beyond_(looks_beyond) {}
+
+  // The mean cost of the time after the last slice, from a place on and with at most so many legs.
+  double beyond(uint32_t i, int legs) {
+    if (legs == 0) return costs_.back()[i];
+    const auto [known, is_new] = beyond_.try_emplace({i, legs}, 0.0);
+    if (!is_new) return known->second;
+    double least = costs_.back()[i];
+    for (uint32_t j = 0; j < block_.clearance_m.size(); ++j) {
+      if (!can_fly(i, j)) continue;
+      const double length_m = glm::distance(block_.at(block_.cell(i)), block_.at(block_.cell(j)));
+      const double later = std::exp(-length_m / settings_.speed_mps / FlightPlanner::kFarS);
+      least = std::min(least,
+                       (1 - later) * costs_.back()[i] + later * beyond(j, legs - 1) + settings_.route * length_m);
+    }
+    return beyond_[{i, legs}] = least;
+  }
 
   double from(const glm::ivec3& cell, size_t slice) {
     const uint32_t i = block_.index(cell);
-    if (slice >= costs_.size()) return settings_.afterwards * static_cast<double>(costs_.size()) * costs_.back()[i];
+    if (slice >= costs_.size())
+      return settings_.afterwards * static_cast<double>(costs_.size()) *
+             beyond(i, looks_beyond_ ? FlightPlanner::kLegsBeyond : 0);
     const auto [known, is_new] = least_.try_emplace({i, slice}, 0.0);
     if (!is_new) return known->second;
     double least = from(cell, slice + 1);
@@ -101,7 +122,9 @@ class EveryWay {
   const Costs& costs_;
   const FlightSettings& settings_;
   const double body_m_;
+  const bool looks_beyond_;
   std::map<std::pair<uint32_t, size_t>, double> least_;
+  std::map<std::pair<uint32_t, int>, double> beyond_;
 };
 
 TEST(FlightPlan, IsTheCheapestOfAllWays) {
@@ -125,9 +148,11 @@ TEST(FlightPlan, IsTheCheapestOfAllWays) {
         if (random.next_below(3) == 0)
           place_m += glm::dvec3(random.next_in(-0.14, 0.14), random.next_in(-0.14, 0.14), random.next_in(-0.14, 0.14));
     const double body_m = seed % 3 == 0 ? 0.46 : 0.3;  // a large body leaves no leg on which a wall could stand
-    const FlightPlan& plan = planned(planner, block, costs, {.position_m = block.at(home)}, settings, body_m);
+    const bool looks_beyond = seed % 5 < 3;
+    const FlightPlan& plan = planned(planner, block, costs, {.position_m = block.at(home)}, settings, body_m, 0.0,
+                                     looks_beyond);
 
-    EveryWay ways(block, costs, settings, body_m);
+    EveryWay ways(block, costs, settings, body_m, looks_beyond);
     double least = std::numeric_limits<double>::infinity();
     for (uint32_t i = 0; i < block.clearance_m.size(); ++i) {
       const glm::ivec3 way = glm::abs(block.cell(i) - home);
@@ -147,6 +172,41 @@ TEST(FlightPlan, IsTheCheapestOfAllWays) {
                   ways.can_fly(plan.candidates[k - 1], plan.candidates[k]))
           << "seed " << seed;
   }
+}
+
+TEST(FlightPlan, LooksBeyondItsLastSlice) {
+  FlightPlanner planner;
+  double gained = 0;
+  for (uint64_t seed = 1; seed <= 30; ++seed) {
+    CounterRandom random(seed, 0, RandomPurpose::kTest);
+    Block block({6, 1 + static_cast<int>(random.next_below(2)), 5});
+    for (float& clearance : block.clearance_m) clearance = static_cast<float>(random.next_in(0.2, 1.2));
+    Costs costs = always(block, 2, 80);  // in the dark but for a few places
+    for (float& cost : costs.back())
+      if (random.next_below(10) == 0) cost = 0;
+    const FlightSettings settings{.speed_mps = random.next_in(1.5, 9), .route = random.next_in(0, 1)};
+    planned(planner, block, costs, {.position_m = block.at({2, 0, 2})}, settings, 0.3, 0.0, true);
+    EveryWay ways(block, costs, settings, 0.3, true);
+    for (uint32_t i = 0; i < block.clearance_m.size(); ++i) {
+      if (block.clearance_m[i] < 0.3f) continue;
+      const double expected = ways.beyond(i, FlightPlanner::kLegsBeyond);
+      EXPECT_NEAR(planner.sight_beyond(i), expected, 1e-3) << "seed " << seed << ", place " << i;
+      gained += costs.back()[i] - expected;
+    }
+  }
+  EXPECT_GT(gained, 1000);
+}
+
+// A long way in the dark, and light at its end that no plan reaches in time.
+TEST(FlightPlan, LeadsThroughTheDarkTowardsALightBeyondItsEnd) {
+  FlightPlanner planner;
+  const Block block({12, 1, 1});
+  Costs costs = always(block, 4, 80);
+  for (auto& of_slice : costs) of_slice[block.index({11, 0, 0})] = 0;
+  const FlightStart start{.position_m = block.at({4, 0, 0})};
+  const FlightSettings settings{.speed_mps = 5};
+  EXPECT_EQ(planned(planner, block, costs, start, settings).candidates.back(), block.index({4, 0, 0}));
+  EXPECT_EQ(planned(planner, block, costs, start, settings, 0.3, 0.0, true).candidates.back(), block.index({7, 0, 0}));
 }
 
 TEST(FlightPlan, ABlurredCostIsMixedWithTheMeanOfTheOpenCellsAround) {

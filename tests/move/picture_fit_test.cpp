@@ -15,11 +15,11 @@ namespace {
 
 constexpr Lens kLens{.vertical_fov_rad = 0.7, .aspect = 16.0 / 9.0};
 
-std::vector<float> shares(const std::vector<glm::dvec3>& eye_m, const std::vector<Body>& bodies, double margin = 0) {
+std::vector<float> shares(const std::vector<glm::dvec3>& eye_m, const std::vector<Body>& bodies) {
   PictureFit fit;
   fit.set_places(eye_m);
   std::vector<float> share(eye_m.size(), -1.0f);
-  fit.outside_share(bodies, kLens, margin, 0.0, share);
+  fit.outside_share(bodies, kLens, 0.0, share);
   return share;
 }
 Body standing(const glm::dvec3& middle_m, double height_m = 1.8, double aside_m = 0.3, double weight = 1) {
@@ -50,7 +50,7 @@ double inside(double low, double high, double edge) {
 }
 
 // The camera looks at the middle of all that is drawn, by an aim that is improved step by step.
-double drawn_share(const glm::dvec3& eye_m, const std::vector<Body>& bodies, double margin) {
+double drawn_share(const glm::dvec3& eye_m, const std::vector<Body>& bodies) {
   glm::dvec3 forward(0.0);
   double all = 0, out = 0;
   for (const Body& body : bodies)
@@ -62,7 +62,7 @@ double drawn_share(const glm::dvec3& eye_m, const std::vector<Body>& bodies, dou
       if (body.weight > 0) group.include(drawn(pose, body).low), group.include(drawn(pose, body).high);
     pose.rotation = look_rotation(pose.rotation * glm::dvec3((group.low + group.high) / 2.0, -1), {0, 1, 0}, {1, 0, 0});
   }
-  const double top = (1 - margin) * std::tan(kLens.vertical_fov_rad / 2);
+  const double top = std::tan(kLens.vertical_fov_rad / 2);
   for (const Body& body : bodies) {
     if (!(body.weight > 0)) continue;
     const Rectangle at = drawn(pose, body);
@@ -90,9 +90,9 @@ TEST(PictureFit, SharesAreThoseOfADrawing) {
       const bool is_between = std::hypot(at_m.x - 300, at_m.z) < 3.0 && targets > 1;
       if (!is_near && !is_between) eye_m.push_back(at_m);
     }
-    const std::vector<float> share = shares(eye_m, bodies, 0.1);
+    const std::vector<float> share = shares(eye_m, bodies);
     for (size_t k = 0; k < eye_m.size(); ++k) {
-      const double expected = drawn_share(eye_m[k], bodies, 0.1), error = std::abs(share[k] - expected);
+      const double expected = drawn_share(eye_m[k], bodies), error = std::abs(share[k] - expected);
       worst = std::max(worst, error), sum += error;
       partial += expected > 0.02 && expected < 0.9, none += expected < 1e-3;
     }

@@ -64,38 +64,6 @@ TEST(Blind, OnItsWayItSaysThatItSeeksAndHowLongItTakes) {
   EXPECT_GT(seeking, 60);
 }
 
-// A wide wall is between the camera and its target. The target is behind the left half at one tick and behind the right
-// half at the next, so the nearest place that sees it is another one at every tick.
-struct BehindAWall : OneFilmed {
-  BehindAWall() : OneFilmed({0, 1.5, 5}) {
-    settings.move.prediction_s = settings.move.keep_shot = 0;
-    settings.bound.horizon_s = 1.6;
-    add_box(9, {0, -0.1, 0}, {20, 0.1, 20});
-    add_box(10, {0, 6, 2}, {6.5, 6, 0.1});
-  }
-  void change_sides() { move(1, {tick % 2 == 0 ? -4.5 : 4.5, 1, -0.5}); }
-};
-
-TEST(Blind, ACameraThatHasBeenWithoutAViewForAWhileHeadsForTheSamePlaceForATenthOfASecond) {
-  BehindAWall world;
-  int kept = 0, changed_early = 0;
-  std::optional<glm::dvec3> heads_for_m;
-  double since_s = 0;
-  for (int i = 0; i < 240; ++i) {
-    world.change_sides();
-    world.step(1.0 / 60);
-    const BlindState& blind = world.stepper.carried().blind;
-    const std::optional<glm::dvec3> view_m = blind.view_m;
-    since_s += 1.0 / 60;
-    kept += view_m && view_m == heads_for_m && blind.blind_s > 0.5;
-    changed_early += view_m && heads_for_m && view_m != heads_for_m && since_s < 0.1 - 1e-9 && blind.blind_s > 0.5;
-    if (view_m != heads_for_m) since_s = 0;
-    heads_for_m = view_m;
-  }
-  EXPECT_EQ(changed_early, 0);
-  EXPECT_GT(kept, 4);
-}
-
 // Two people walk side by side through two rows of rooms with walls 5 m high. The doors of a row are in one line. The
 // camera is in a door behind the first person. Without a roof, both are in sight only from high above; the other row
 // can have one.
