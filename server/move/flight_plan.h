@@ -58,7 +58,7 @@ class FlightPlanner {
  public:
   // The time constant with which the time after a plan counts less, and how many legs beyond it are looked at.
   static constexpr double kFarS = 1.0;
-  static constexpr int kLegsBeyond = 8;
+  static constexpr int kLegsBeyond = 16;
 
   // Sets the cells and the legs between them. `places`: at least one run, none empty. `position_m`: of each candidate
   // in the runs; where the camera is in that cell, less than a spacing from the cell's middle (clearance_cache.h).
@@ -87,6 +87,8 @@ class FlightPlanner {
   void look_beyond(const FlightSettings& settings);
   // The result for a candidate, at least 0 and at most its cost at the last slice then.
   double sight_beyond(uint32_t candidate) const { return beyond_[cell_of_[candidate]]; }
+  // True if legs lead from a candidate's cell to that of a candidate that `is_wanted`, or if itself is.
+  bool reaches(uint32_t candidate, const std::function<bool(uint32_t candidate)>& is_wanted);
 
   // Adds `weight` >= 0 times the distance of each cell from a point, and `others`, by cell. Called after `blur`, at
   // most once for each slice.
@@ -158,6 +160,8 @@ class FlightPlanner {
   std::array<bool, 4> is_masked_{};  // by number of axes: the clearances decide which of these legs can be flown
   std::vector<float> open_around_;   // by cell: the number of open cells in the 3 x 3 x 3 around it
   std::vector<float> scratch_, best_, arrive_;
+  std::vector<uint32_t> reached_;
+  std::vector<uint8_t> is_reached_;
   std::array<std::vector<float>, 2> along_;
   uint32_t at_ = 0;
   size_t at_slice_ = 0;

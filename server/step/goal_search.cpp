@@ -45,8 +45,8 @@ constexpr Pace kHurried{};
 // A camera that has seen no target for so long takes a way through the level (move/far_way.h), and searches it again
 // after this time, since targets move. It does so sooner if it hardly moves.
 constexpr double kBlindS = 2.0, kSearchAgainS = 1.0, kStuckS = 1.0, kStuckMps = 0.2;
-// Where sight beyond a plan costs this share of what seeing nobody costs, no view is in reach.
-constexpr double kDarkShare = 0.97;
+// How much the time after a plan counts that passes no place with a view, in plans.
+constexpr double kBlindAfterwards = 3.0;
 // The viewpoint search may know that this share more of the targets is seen at the wanted shot than from the camera. Or
 // it knows that a picture from there lacks less, by this much in picture_loss, than is expected at the end of the best
 // plan. The camera takes a far way to the shot when it has known that for this time, or for as long as the straight way
@@ -324,18 +324,34 @@ class GoalSearch {
 
   // ---- without a view on the plan: on to one beyond it, or the trail ----
 
-  Goal go_to_view(const FlightPlan& plan) {
-    if (is_dark_beyond(plan)) return escape(plan);
-    Goal goal = go_on(plan);
-    goal.courses.taken = FlightCourse::kToView;
-    goal.choice.reason = reason_of(FlightCourse::kToView, {});
-    goal.searches = true;
+  // The time after the plan counts for more than the shot, since nothing is seen on the plan itself.
+  Goal go_to_view(const FlightPlan& seeing_none) {
+    if (!knows_view_in_reach(seeing_none)) return escape(seeing_none);
+    FlightSettings settings = settings_;
+    settings.afterwards = kBlindAfterwards;
+    const FlightPlan& plan = planner_.plan(start(), settings);
+    scratch_.way = plan.candidates;
+    Leg leg = first_leg(in_, scratch_.way, body_m(in_));
+    leg.length_m += to_nearest_view_m(plan.point_m.back());
+    Goal goal = goal_at(plan.candidates.back(), part_of_way_m(leg.to_m, settings_.speed_mps * kGoalS),
+                        FlightCourse::kToView, plan.at_s.back());
+    for (size_t k = 0; k < plan.point_m.size(); ++k) goal.plan_m.push_back({plan.at_s[k], plan.point_m[k]});
+    goal.searches = true, goal.way_m = leg.length_m;
+    goal.tracking = along(in_.step, leg);
+    goal.velocity_mps = velocity_along(in_.step, leg, glm::dvec3(0.0));
     return goal;
   }
-  // No place in reach of the plan's end is expected to see a target.
-  bool is_dark_beyond(const FlightPlan& plan) const {
-    return plan.candidates.empty() ||
-           planner_.sight_beyond(plan.candidates.back()) > kDarkShare * pricer_.hidden_cost(1.0);
+  bool shows_some(uint32_t candidate) const { return in_.sights.hidden[candidate] < kAllHidden; }
+  bool knows_view_in_reach(const FlightPlan& plan) {
+    return !plan.candidates.empty() &&
+           planner_.reaches(plan.candidates.front(), [this](uint32_t candidate) { return shows_some(candidate); });
+  }
+  // 0 where there is none.
+  double to_nearest_view_m(const glm::dvec3& from_m) const {
+    double least_m = std::numeric_limits<double>::infinity();
+    for (uint32_t i = 0; i < in_.sights.position_m.size(); ++i)
+      if (shows_some(i)) least_m = std::min(least_m, glm::distance(from_m, in_.sights.position_m[i]));
+    return std::isfinite(least_m) ? least_m : 0.0;
   }
   Goal escape(const FlightPlan& plan) {
     const auto leg = leg_to_trail(in_, body_m(in_), scratch_.trail_colliders);

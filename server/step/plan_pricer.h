@@ -3,7 +3,6 @@
 // metres, as the weights are (CostWeights).
 #pragma once
 
-#include <algorithm>
 #include <optional>
 #include <vector>
 
@@ -25,8 +24,6 @@ class PlanPricer {
   void price();
   // The cost of a course on which no target is seen; 0 where sight does not count.
   double blind_cost() const { return occlusion_ * (1 + kAfterwards); }
-  // The cost of a picture that lacks this share (picture_loss), [0, 1], of the targets.
-  double hidden_cost(double share) const { return occlusion_ * std::max(0.0, share - tolerance_); }
   // True if a picture that is taken from a place after a time departs from the client's shot by no more than the free
   // bands, as in ShotReport.
   bool is_in_free_bands(const glm::dvec3& place_m, double ahead_s) const;

@@ -209,6 +209,22 @@ TEST(FlightPlan, LeadsThroughTheDarkTowardsALightBeyondItsEnd) {
   EXPECT_EQ(planned(planner, block, costs, start, settings, 0.3, 0.0, true).candidates.back(), block.index({7, 0, 0}));
 }
 
+TEST(FlightPlan, ReachesWhatNoWallShutsOff) {
+  FlightPlanner planner;
+  Block block({7, 1, 5});
+  const auto reaches = [&](const glm::ivec3& wanted) {
+    planned(planner, block, always(block, 3, 1), {.position_m = block.at({1, 0, 1})}, {});
+    return planner.reaches(block.index({1, 0, 1}),
+                           [&](uint32_t candidate) { return candidate == block.index(wanted); });
+  };
+  for (int z = 0; z < 4; ++z) block.clearance_m[block.index({3, 0, z})] = 0.1f;  // open at z = 4 only
+  EXPECT_TRUE(reaches({5, 0, 1}));
+  EXPECT_TRUE(reaches({1, 0, 1}));
+  block.clearance_m[block.index({3, 0, 4})] = 0.1f;
+  EXPECT_FALSE(reaches({5, 0, 1}));
+  EXPECT_TRUE(reaches({2, 0, 4}));
+}
+
 TEST(FlightPlan, ABlurredCostIsMixedWithTheMeanOfTheOpenCellsAround) {
   FlightPlanner planner;
   CounterRandom random(7, 0, RandomPurpose::kTest);
