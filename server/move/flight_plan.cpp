@@ -346,20 +346,21 @@ void FlightPlanner::look_beyond(const FlightSettings& settings) {
   add_to(staying, count, -1.0f, gain_beyond_.data() + begin_);
 }
 
-bool FlightPlanner::reaches(uint32_t candidate, const std::function<bool(uint32_t candidate)>& is_wanted) {
+std::optional<uint32_t> FlightPlanner::nearest(uint32_t candidate,
+                                               const std::function<bool(uint32_t candidate)>& is_wanted) {
   is_reached_.assign(box_.count(), 0);
   reached_.assign(1, cell_of_[candidate]);
   is_reached_[reached_[0]] = 1;
   for (size_t k = 0; k < reached_.size(); ++k) {
     const uint32_t cell = reached_[k];
-    if (is_wanted(candidate_[cell])) return true;
+    if (is_wanted(candidate_[cell])) return candidate_[cell];
     for (size_t leg = 0; leg < kLegs.size(); ++leg) {
       if ((legs_[cell] >> leg & 1u) == 0) continue;
       const uint32_t there = cell + static_cast<uint32_t>(offset_of(kLegs[leg], box_));
       if (is_reached_[there] == 0) is_reached_[there] = 1, reached_.push_back(there);
     }
   }
-  return false;
+  return std::nullopt;
 }
 
 void FlightPlanner::price_afterwards(const FlightSettings& settings) {

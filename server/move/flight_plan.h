@@ -87,8 +87,9 @@ class FlightPlanner {
   void look_beyond(const FlightSettings& settings);
   // The result for a candidate, at least 0 and at most its cost at the last slice then.
   double sight_beyond(uint32_t candidate) const { return beyond_[cell_of_[candidate]]; }
-  // True if legs lead from a candidate's cell to that of a candidate that `is_wanted`, or if itself is.
-  bool reaches(uint32_t candidate, const std::function<bool(uint32_t candidate)>& is_wanted);
+  // The candidate that `is_wanted` to which the fewest legs lead from a candidate's cell, itself included. Empty: legs
+  // lead to none.
+  std::optional<uint32_t> nearest(uint32_t candidate, const std::function<bool(uint32_t candidate)>& is_wanted);
 
   // Adds `weight` >= 0 times the distance of each cell from a point, and `others`, by cell. Called after `blur`, at
   // most once for each slice.

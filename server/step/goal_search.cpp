@@ -326,32 +326,23 @@ class GoalSearch {
 
   // The time after the plan counts for more than the shot, since nothing is seen on the plan itself.
   Goal go_to_view(const FlightPlan& seeing_none) {
-    if (!knows_view_in_reach(seeing_none)) return escape(seeing_none);
+    const std::optional<uint32_t> view = nearest_view(seeing_none);
+    if (!view) return escape(seeing_none);
     FlightSettings settings = settings_;
     settings.afterwards = kBlindAfterwards;
-    const FlightPlan& plan = planner_.plan(start(), settings);
-    scratch_.way = plan.candidates;
-    Leg leg = first_leg(in_, scratch_.way, body_m(in_));
-    leg.length_m += to_nearest_view_m(plan.point_m.back());
-    Goal goal = goal_at(plan.candidates.back(), part_of_way_m(leg.to_m, settings_.speed_mps * kGoalS),
-                        FlightCourse::kToView, plan.at_s.back());
-    for (size_t k = 0; k < plan.point_m.size(); ++k) goal.plan_m.push_back({plan.at_s[k], plan.point_m[k]});
-    goal.searches = true, goal.way_m = leg.length_m;
+    scratch_.way = planner_.plan(start(), settings).candidates;
+    scratch_.way.push_back(*view);
+    const Leg leg = first_leg(in_, scratch_.way, body_m(in_));
+    Goal goal = goal_at(*view, part_of_way_m(leg.to_m, settings_.speed_mps * kGoalS), FlightCourse::kToView);
+    goal.searches = true;
     goal.tracking = along(in_.step, leg);
     goal.velocity_mps = velocity_along(in_.step, leg, glm::dvec3(0.0));
     return goal;
   }
-  bool shows_some(uint32_t candidate) const { return in_.sights.hidden[candidate] < kAllHidden; }
-  bool knows_view_in_reach(const FlightPlan& plan) {
-    return !plan.candidates.empty() &&
-           planner_.reaches(plan.candidates.front(), [this](uint32_t candidate) { return shows_some(candidate); });
-  }
-  // 0 where there is none.
-  double to_nearest_view_m(const glm::dvec3& from_m) const {
-    double least_m = std::numeric_limits<double>::infinity();
-    for (uint32_t i = 0; i < in_.sights.position_m.size(); ++i)
-      if (shows_some(i)) least_m = std::min(least_m, glm::distance(from_m, in_.sights.position_m[i]));
-    return std::isfinite(least_m) ? least_m : 0.0;
+  std::optional<uint32_t> nearest_view(const FlightPlan& plan) {
+    if (plan.candidates.empty()) return std::nullopt;
+    return planner_.nearest(plan.candidates.front(),
+                            [this](uint32_t candidate) { return in_.sights.hidden[candidate] < kAllHidden; });
   }
   Goal escape(const FlightPlan& plan) {
     const auto leg = leg_to_trail(in_, body_m(in_), scratch_.trail_colliders);
