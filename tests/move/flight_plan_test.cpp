@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -209,20 +210,21 @@ TEST(FlightPlan, LeadsThroughTheDarkTowardsALightBeyondItsEnd) {
   EXPECT_EQ(planned(planner, block, costs, start, settings, 0.3, 0.0, true).candidates.back(), block.index({7, 0, 0}));
 }
 
-TEST(FlightPlan, ReachesWhatNoWallShutsOff) {
+TEST(FlightPlan, FindsTheNearestWantedPlaceThatNoWallShutsOff) {
   FlightPlanner planner;
   Block block({7, 1, 5});
-  const auto reaches = [&](const glm::ivec3& wanted) {
+  const auto nearest = [&](const std::vector<glm::ivec3>& wanted) {
     planned(planner, block, always(block, 3, 1), {.position_m = block.at({1, 0, 1})}, {});
-    return planner.reaches(block.index({1, 0, 1}),
-                           [&](uint32_t candidate) { return candidate == block.index(wanted); });
+    return planner.nearest(block.index({1, 0, 1}), [&](uint32_t candidate) {
+      return std::ranges::find(wanted, block.cell(candidate)) != wanted.end();
+    });
   };
   for (int z = 0; z < 4; ++z) block.clearance_m[block.index({3, 0, z})] = 0.1f;  // open at z = 4 only
-  EXPECT_TRUE(reaches({5, 0, 1}));
-  EXPECT_TRUE(reaches({1, 0, 1}));
+  EXPECT_EQ(nearest({{5, 0, 1}}), block.index({5, 0, 1}));
+  EXPECT_EQ(nearest({{5, 0, 1}, {1, 0, 1}}), block.index({1, 0, 1})) << "where it is";
+  EXPECT_EQ(nearest({{4, 0, 1}, {1, 0, 4}}), block.index({1, 0, 4})) << "the way to the other leads round the wall";
   block.clearance_m[block.index({3, 0, 4})] = 0.1f;
-  EXPECT_FALSE(reaches({5, 0, 1}));
-  EXPECT_TRUE(reaches({2, 0, 4}));
+  EXPECT_EQ(nearest({{5, 0, 1}}), std::nullopt);
 }
 
 TEST(FlightPlan, ABlurredCostIsMixedWithTheMeanOfTheOpenCellsAround) {
