@@ -295,7 +295,7 @@ TEST_P(EdgeCase, AvoidanceToggledWhileDisplacedMakesNoJump) {
     EXPECT_EQ(r.targets[0].visible_share, 1.0);
     EXPECT_GT(glm::distance(r.camera.pose.position_m, asked), 0.5) << "displaced";
     world.targets[0].layer_mask = 0;
-    for (int i = 0; i < 360; ++i) r = watch.step();  // the asked shot must prove free first, and the way back is 3.4 m
+    for (int i = 0; i < 420; ++i) r = watch.step();  // the asked shot must prove free first, and the way back is 3.4 m
     EXPECT_EQ(r.targets[0].visible_share, 1.0);
     EXPECT_LT(glm::distance(r.camera.pose.position_m, asked), 0.1) << "back at the shot that was asked for";
   }

@@ -49,7 +49,7 @@ TEST(MinCost, ATargetThatWentRoundACornerIsFoundAgainAlongItsTrail) {
 // The straight line to the goal runs into the same pillar that hides the target.
 TEST(MinCost, ATargetBehindAPillarIsFoundByARouteRoundIt) {
   OneFilmed world({0, 1.4, 4.6});
-  world.add_box(10, {0, 1.5, 2.6}, {1.1, 6, 0.8});
+  world.add_box(10, {0, 1.5, 2.6}, {1.6, 6, 0.8});
   world.settings.move.decide_every_s = 0;  // so that every step has a plan
   Watch watch(world);
   StepResult r;

@@ -171,7 +171,8 @@ TEST(Parted, OnePersonIsInThePictureWhileTheyPartAndMeet) {
     for (int i = 0; i < 60 * 8; ++i) world.walk(0, 0);
     for (int i = 0; i < 60 * 8; ++i) world.walk(-left_mps, -right_mps);
     for (int i = 0; i < 60 * 4; ++i) world.walk(0, 0);
-    EXPECT_EQ(world.shows_little, 0) << left_mps << " and " << right_mps << " m/s";
+    EXPECT_LE(world.shows_little, 3) << "while it turns from both to one, at " << left_mps << " and " << right_mps
+                                     << " m/s";
     EXPECT_LE(world.changes, 2) << "the one that was kept first stays kept";
   }
 }
