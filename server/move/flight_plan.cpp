@@ -327,7 +327,7 @@ void FlightPlanner::least_at_legs(const float* values, int axes) {
 bool FlightPlanner::fly_on(int axes, const FlightSettings& settings) {
   const double length_m = spacing_m_ * std::sqrt(static_cast<double>(axes));
   const auto keep = static_cast<float>(std::exp(-length_m / (settings.speed_mps * kFarS)));
-  least_at_legs(arrive_.data(), axes);
+  least_at_legs(beyond_.data(), axes);
   return take_way_on(cost_.back().data() + begin_, best_.data() + begin_, end_ - begin_, keep,
                      static_cast<float>(settings.route * length_m), beyond_.data() + begin_);
 }
@@ -337,8 +337,7 @@ void FlightPlanner::look_beyond(const FlightSettings& settings) {
   const float* const staying = cost_.back().data() + begin_;
   std::copy_n(staying, count, beyond_.data() + begin_);
   bool is_better = true;
-  for (int leg = 0; leg < kLegsBeyond && is_better; ++leg) {
-    std::copy_n(beyond_.data() + begin_, count, arrive_.data() + begin_);
+  for (int sweep = 0; sweep < kSweepsBeyond && is_better; ++sweep) {
     is_better = false;
     for (int axes = 1; axes <= 3; ++axes) is_better = fly_on(axes, settings) || is_better;
   }

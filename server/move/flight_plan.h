@@ -56,9 +56,8 @@ struct FlightStart {
 // Memory is kept from call to call. Not thread-safe. Deterministic.
 class FlightPlanner {
  public:
-  // The time constant with which the time after a plan counts less, and how many legs beyond it are looked at.
+  // The time constant with which the time after a plan counts less.
   static constexpr double kFarS = 1.0;
-  static constexpr int kLegsBeyond = 16;
 
   // Sets the cells and the legs between them. `places`: at least one run, none empty. `position_m`: of each candidate
   // in the runs; where the camera is in that cell, less than a spacing from the cell's middle (clearance_cache.h).
@@ -82,8 +81,8 @@ class FlightPlanner {
 
   // Looks beyond the last slice: what a camera that flies on from each cell will lack of its sight, if what is hidden
   // at the last slice stays hidden. It is the mean over the time to come, which counts the less, the later it is (see
-  // kFarS), on the best way of at most kLegsBeyond legs. A cell in the dark is the better, the nearer it is to one in
-  // the light. Called once, when the last slice holds the costs of what is hidden and is blurred.
+  // kFarS), on the best way of at least kSweepsBeyond legs. A cell in the dark is the better, the nearer it is to one
+  // in the light. Called once, when the last slice holds the costs of what is hidden and is blurred.
   void look_beyond(const FlightSettings& settings);
   // The result for a candidate, at least 0 and at most its cost at the last slice then.
   double sight_beyond(uint32_t candidate) const { return beyond_[cell_of_[candidate]]; }
@@ -117,6 +116,8 @@ class FlightPlanner {
   size_t slice_count() const { return cost_.size(); }
 
  private:
+  static constexpr int kSweepsBeyond = 8;  // each adds up to three legs to the ways
+
   template <typename Value>
   double mean_of_open(const glm::dvec3& position_m, double least_open, double otherwise, const Value& value_of) const;
   void lay_box(const PlaceView& places, size_t slices);

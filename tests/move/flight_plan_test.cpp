@@ -41,6 +41,9 @@ struct Block {
   glm::dvec3 at(const glm::ivec3& c) const { return glm::dvec3(c) * kSpacingM; }
 };
 
+// More than any way here has.
+constexpr int kManyLegs = 20;
+
 // The costs by slice and candidate.
 using Costs = std::vector<std::vector<float>>;
 
@@ -88,8 +91,7 @@ class EveryWay {
   double from(const glm::ivec3& cell, size_t slice) {
     const uint32_t i = block_.index(cell);
     if (slice >= costs_.size())
-      return settings_.afterwards * static_cast<double>(costs_.size()) *
-             beyond(i, looks_beyond_ ? FlightPlanner::kLegsBeyond : 0);
+      return settings_.afterwards * static_cast<double>(costs_.size()) * beyond(i, looks_beyond_ ? kManyLegs : 0);
     const auto [known, is_new] = least_.try_emplace({i, slice}, 0.0);
     if (!is_new) return known->second;
     double least = from(cell, slice + 1);
@@ -190,7 +192,7 @@ TEST(FlightPlan, LooksBeyondItsLastSlice) {
     EveryWay ways(block, costs, settings, 0.3, true);
     for (uint32_t i = 0; i < block.clearance_m.size(); ++i) {
       if (block.clearance_m[i] < 0.3f) continue;
-      const double expected = ways.beyond(i, FlightPlanner::kLegsBeyond);
+      const double expected = ways.beyond(i, kManyLegs);
       EXPECT_NEAR(planner.sight_beyond(i), expected, 1e-3) << "seed " << seed << ", place " << i;
       gained += costs.back()[i] - expected;
     }
