@@ -1,5 +1,6 @@
 // Converts primitives to triangles (glTF 2.0 section 3.7.2). All primitives of a mesh become one geometry, the
 // occluding ones first; only vertices that a triangle uses are kept.
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <numeric>
@@ -25,14 +26,29 @@ struct Triangles {
   std::vector<uint32_t> indices;
 };
 
-bool is_see_through(const tinygltf::Model& model, const tinygltf::Primitive& primitive) {
-  if (primitive.material < 0) return false;
-  const tinygltf::Material& material = model.materials[static_cast<size_t>(primitive.material)];
+bool is_see_through(const tinygltf::Material& material) {
   const auto transmission = material.extensions.find("KHR_materials_transmission");
   if (transmission != material.extensions.end() && transmission->second.Has("transmissionFactor") &&
       1.0 - transmission->second.Get("transmissionFactor").GetNumberAsDouble() < static_cast<double>(kOccludingOpacity))
     return true;
   return material.alphaMode == "BLEND" && material.pbrMetallicRoughness.baseColorFactor[3] < kOccludingOpacity;
+}
+
+// Whether a material is double-sided changes no answer of the daemon, so a wrong value counts as the default.
+void read_materials(const GltfDocument& document, SceneAsset& asset) {
+  for (size_t i = 0; i < document.model.materials.size(); ++i) {
+    const nlohmann::json& json = document.json["materials"][i];
+    const auto sides = json.find("doubleSided");
+    const tinygltf::Material& material = document.model.materials[i];
+    asset.materials.push_back({material.name, is_see_through(material), sides != json.end() && *sides == true});
+  }
+}
+
+// A primitive without a material has glTF's default one, which is drawn from the front alone.
+bool is_double_sided(const tinygltf::Mesh& mesh, const SceneAsset& asset) {
+  return std::ranges::all_of(mesh.primitives, [&](const tinygltf::Primitive& primitive) {
+    return primitive.material >= 0 && asset.materials[static_cast<size_t>(primitive.material)].double_sided;
+  });
 }
 
 // What only a texture makes transparent is not known: textures are not read.
@@ -192,12 +208,14 @@ MeshData join(Triangles occluding, const Triangles& see_through) {
 }
 
 // Joins all primitives; the result has no indices when none of them has triangles.
-Result<MeshData> read_mesh(GltfDocument& document, const tinygltf::Mesh& mesh, const GltfSkin* skin,
-                           const std::string& field) {
+Result<MeshData> read_mesh(GltfDocument& document, const SceneAsset& asset, const tinygltf::Mesh& mesh,
+                           const GltfSkin* skin, const std::string& field) {
   Triangles occluding, see_through;
   for (size_t i = 0; i < mesh.primitives.size(); ++i) {
     if (document.work.ends(256)) return tl::unexpected(document.work.limit()->error());
-    Triangles& out = is_see_through(document.model, mesh.primitives[i]) ? see_through : occluding;
+    const int material = mesh.primitives[i].material;
+    const bool hides = material < 0 || !asset.materials[static_cast<size_t>(material)].see_through;
+    Triangles& out = hides ? occluding : see_through;
     const Status status = read_primitive(document, mesh.primitives[i], skin, field + "." + gltf_path("primitives", i),
                                          out);
     if (!status) return tl::unexpected(status.error());
@@ -244,10 +262,12 @@ Status read_skinned(GltfDocument& document, const std::vector<int>& asset_node_o
     const auto skin = read_gltf_skin(document, i, asset_node_of, world_from_node, field);
     if (!skin) return tl::unexpected(skin.error());
     const auto mesh = static_cast<size_t>(node.mesh);
-    auto data = read_mesh(document, document.model.meshes[mesh], *skin ? &**skin : nullptr, gltf_path("meshes", mesh));
+    auto data = read_mesh(document, asset, document.model.meshes[mesh], *skin ? &**skin : nullptr,
+                          gltf_path("meshes", mesh));
     if (!data) return tl::unexpected(std::move(data.error()));
     asset.nodes[static_cast<size_t>(asset_node_of[i])].mesh = static_cast<int>(read.size());
     asset.mesh_names.push_back(document.model.meshes[mesh].name);
+    asset.mesh_double_sided.push_back(is_double_sided(document.model.meshes[mesh], asset));
     read.push_back({std::move(*data), gltf_path("meshes", mesh)});
   }
   return {};
@@ -259,14 +279,16 @@ Status read_gltf_meshes(GltfDocument& document, GeometryStore& store, const std:
                         SceneAsset& asset) {
   const auto& meshes = document.model.meshes;
   warn_of_masks(document);
+  read_materials(document, asset);
   const std::vector<bool> plain = meshes_without_skin(document.model);
   std::vector<ReadMesh> read;
   for (size_t i = 0; i < meshes.size(); ++i) {
     Result<MeshData> mesh = MeshData{};
-    if (plain[i]) mesh = read_mesh(document, meshes[i], nullptr, gltf_path("meshes", i));
+    if (plain[i]) mesh = read_mesh(document, asset, meshes[i], nullptr, gltf_path("meshes", i));
     if (!mesh) return tl::unexpected(std::move(mesh.error()));
     read.push_back({std::move(*mesh), gltf_path("meshes", i)});
     asset.mesh_names.push_back(meshes[i].name);
+    asset.mesh_double_sided.push_back(is_double_sided(meshes[i], asset));
   }
   if (const Status s = read_skinned(document, asset_node_of, asset, read); !s) return s;
   std::vector<Result<std::shared_ptr<const Geometry>>> built(read.size());
