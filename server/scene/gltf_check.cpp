@@ -257,8 +257,8 @@ constexpr std::array<std::string_view, 15> kSupported = {"KHR_mesh_quantization"
 void check_version(JsonCheck& check, const json& asset, const std::string&, json&) {
   if (!asset["version"].get<std::string>().starts_with("2."))
     check.complain("asset.version", "must be 2.x", ErrorCode::kUnsupported);
-  if (asset.contains("minVersion") && asset["minVersion"] != "2.0")
-    check.complain("asset.minVersion", "must be 2.0", ErrorCode::kUnsupported);
+  if (asset.contains("minVersion") && !asset["minVersion"].get<std::string>().starts_with("2."))
+    check.complain("asset.minVersion", "must be 2.x", ErrorCode::kUnsupported);
 }
 
 void check_required_extensions(JsonCheck& check, const json& document, const std::string&, json&) {
@@ -310,6 +310,11 @@ void check_component_type(JsonCheck& check, const json& object, const std::strin
   if (object["componentType"] == 5124) check.complain(path + ".componentType", "5124 is not a component type of glTF");
 }
 
+void check_accessor(JsonCheck& check, const json& accessor, const std::string& path, json& copy) {
+  check_component_type(check, accessor, path, copy);
+  if (!is_gltf_accessor_type(accessor["type"].get_ref<const std::string&>())) copy["type"] = "SCALAR";
+}
+
 constexpr Member kBuffer[] = {required(whole("byteLength", 1, kMaxOffset)), text("uri")};
 constexpr Member kMeshoptPacking[] = {required(index("buffer", "buffers")),
                                       whole("byteOffset", 0, kMaxOffset),
@@ -334,7 +339,7 @@ constexpr Member kAccessor[] = {index("bufferView", "bufferViews"),
                                 kComponentType,
                                 plain("normalized", Kind::kBoolean),
                                 required(whole("count", 1, kMaxInt)),
-                                required(word("type", kAccessorTypes)),
+                                required(text("type")),
                                 object("sparse", kSparse)};
 
 // --- meshes
@@ -440,7 +445,7 @@ constexpr Member kSkin[] = {text("name"), required(indices("joints", "nodes")),
 
 constexpr Member kBody[] = {withheld(objects("buffers", kBuffer)),
                             objects("bufferViews", kView, check_view),
-                            objects("accessors", kAccessor, check_component_type),
+                            objects("accessors", kAccessor, check_accessor),
                             objects("meshes", kMesh),
                             objects("nodes", kNode, check_extras),
                             index("scene", "scenes"),
@@ -451,6 +456,10 @@ constexpr Member kBody[] = {withheld(objects("buffers", kBuffer)),
                             withheld(objects("skins", kSkin))};  // tinygltf refuses those without bind matrices
 
 }  // namespace
+
+bool is_gltf_accessor_type(std::string_view type) {
+  return std::ranges::find(kAccessorTypes, type) != kAccessorTypes.end();
+}
 
 Result<json> check_gltf_json(const json& document, const GltfLimits& limits) {
   JsonCheck check(document, limits.work);

@@ -60,14 +60,13 @@ void warn_of_masks(GltfDocument& document) {
           ".alphaMode: what a texture masks hides as if it were solid; switch `occludes` off where that matters");
 }
 
-// How many triangles `count` vertices make; an Error when the count does not suit the mode.
-Result<size_t> triangles_of(int mode, size_t count, const std::string& field) {
-  if (mode == TINYGLTF_MODE_TRIANGLES) {
-    if (count % 3 != 0) return invalid(field, "triangles need a multiple of 3 vertices, got " + std::to_string(count));
-    return count / 3;
-  }
-  if (count < 3) return invalid(field, "a strip or fan needs 3 vertices, got " + std::to_string(count));
-  return count - 2;
+// How many triangles `count` vertices make. An incomplete one is left out with a warning.
+size_t triangles_of(int mode, size_t count, const std::string& field, GltfWarnings& warnings) {
+  const bool separate = mode == TINYGLTF_MODE_TRIANGLES;
+  if (separate ? count % 3 != 0 : count < 3)
+    warnings.add(field + ": " + std::to_string(count) +
+                 " vertices do not make whole triangles; the incomplete one is left out");
+  return separate ? count / 3 : count < 3 ? 0 : count - 2;
 }
 
 // Positions of the corners of triangle `t` in the vertex sequence, in the counter-clockwise order of the specification.
@@ -130,9 +129,9 @@ Result<size_t> plan_primitive(GltfDocument& document, int mode, int position, in
   const auto& accessors = document.model.accessors;
   const size_t vertices = accessors[static_cast<size_t>(position)].count;
   const size_t length = indices >= 0 ? accessors[static_cast<size_t>(indices)].count : vertices;
-  const auto triangles = triangles_of(mode, length, field + (indices >= 0 ? ".indices" : ".attributes.POSITION"));
-  if (!triangles) return triangles;
-  if (const Status s = GltfBudget::take(document.budget.triangles, *triangles, field, "triangles"); !s)
+  const size_t triangles = triangles_of(mode, length, field + (indices >= 0 ? ".indices" : ".attributes.POSITION"),
+                                        document.warnings);
+  if (const Status s = GltfBudget::take(document.budget.triangles, triangles, field, "triangles"); !s)
     return tl::unexpected(s.error());
   if (const Status s = GltfBudget::take(document.budget.vertices, vertices, field, "vertices"); !s)
     return tl::unexpected(s.error());
@@ -144,6 +143,7 @@ Status read_accessors(GltfDocument& document, int position, int indices, const s
   if (!positions) return tl::unexpected(std::move(positions.error()));
   auto sequence = read_sequence(document, indices, positions->size(), field + ".indices");
   if (!sequence) return tl::unexpected(std::move(sequence.error()));
+  if (out.mode == TINYGLTF_MODE_TRIANGLES) sequence->resize(3 * out.triangle_count);
   out.positions = std::move(*positions);
   out.sequence = std::move(*sequence);
   return {};
@@ -167,6 +167,7 @@ Status read_triangles(GltfDocument& document, const tinygltf::Primitive& primiti
   const int indices = accessor_of(primitive, kIndicesAttribute);
   const auto planned = plan_primitive(document, primitive.mode, position, indices, field);
   if (!planned) return tl::unexpected(planned.error());
+  if (*planned == 0) return {};
   Corners corners{primitive.mode, *planned, {}, {}};
   const tinygltf::Value* packing = draco_packing(primitive);
   const Status read = packing ? read_draco(document, *packing, position, field, corners)

@@ -46,11 +46,12 @@ void apply_filter(const Stream& stream, std::vector<std::byte>& out) {
 }
 
 Result<Stream> stream_of(const json& packing, const GltfDocument& document, const std::string& field) {
-  const std::span<const std::byte> buffer = document.buffers[packing["buffer"].get<size_t>()];
+  const auto buffer = gltf_buffer_bytes(document, packing["buffer"].get<size_t>());
+  if (!buffer) return tl::unexpected(buffer.error());
   const size_t offset = packing.value("byteOffset", size_t{0}), length = packing["byteLength"].get<size_t>();
-  if (offset > buffer.size() || length > buffer.size() - offset)
+  if (offset > buffer->size() || length > buffer->size() - offset)
     return fail(ErrorCode::kDataLoss, field, "reaches beyond its buffer");
-  return Stream{buffer.subspan(offset, length), packing["count"].get<size_t>(), packing["byteStride"].get<size_t>(),
+  return Stream{buffer->subspan(offset, length), packing["count"].get<size_t>(), packing["byteStride"].get<size_t>(),
                 packing["mode"].get<std::string>(), packing.value("filter", std::string("NONE"))};
 }
 
