@@ -225,7 +225,7 @@ Result<FloatSource> float_source(GltfDocument& document, int index, int componen
 }  // namespace
 
 Result<std::span<const std::byte>> gltf_view_bytes(GltfDocument& document, size_t index) {
-  if (const auto* packing = meshopt_packing(document.json["bufferViews"][index]))
+  if (const auto packing = meshopt_packing(document.json["bufferViews"][index]))
     return unpack_meshopt_view(document, index, *packing);
   const tinygltf::BufferView& view = document.model.bufferViews[index];
   const auto buffer = gltf_buffer_bytes(document, static_cast<size_t>(view.buffer));

@@ -1,5 +1,5 @@
 // A table of every member of a glTF document that the reader uses: type, range and reference (glTF 2.0 section 5 and
-// three geometry extensions). Rules that do not fit the table are separate functions.
+// the geometry extensions). Rules that do not fit the table are separate functions.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -237,22 +237,12 @@ class JsonCheck {
 // --- asset and extensions
 // ----------------------------------------------------------------------------------------------
 
-// Extensions that may be required: five that the reader knows, and those that leave every triangle where it is.
-constexpr std::array<std::string_view, 15> kSupported = {"KHR_mesh_quantization",
-                                                         "EXT_mesh_gpu_instancing",
-                                                         "EXT_meshopt_compression",
-                                                         "KHR_draco_mesh_compression",
-                                                         "KHR_node_visibility",
-                                                         "KHR_lights_punctual",
-                                                         "KHR_xmp_json_ld",
-                                                         "KHR_texture_basisu",
-                                                         "KHR_texture_transform",
-                                                         "EXT_texture_webp",
-                                                         "EXT_texture_avif",
-                                                         "MSFT_texture_dds",
-                                                         "EXT_lights_image_based",
-                                                         "EXT_lights_ies",
-                                                         "KHR_xmp"};
+// Extensions that may be required: six that the reader knows, and those that leave every triangle where it is.
+constexpr std::array<std::string_view, 16> kSupported = {
+    "KHR_mesh_quantization",      "EXT_mesh_gpu_instancing", "EXT_meshopt_compression", "KHR_meshopt_compression",
+    "KHR_draco_mesh_compression", "KHR_node_visibility",     "KHR_lights_punctual",     "KHR_xmp_json_ld",
+    "KHR_texture_basisu",         "KHR_texture_transform",   "EXT_texture_webp",        "EXT_texture_avif",
+    "MSFT_texture_dds",           "EXT_lights_image_based",  "EXT_lights_ies",          "KHR_xmp"};
 
 void check_version(JsonCheck& check, const json& asset, const std::string&, json&) {
   if (!asset["version"].get<std::string>().starts_with("2."))
@@ -281,7 +271,8 @@ constexpr Member kHead[] = {required(object("asset", kAsset, check_version)), pl
 
 constexpr std::array<std::string_view, 7> kAccessorTypes = {"SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"};
 constexpr std::array<std::string_view, 3> kMeshoptModes = {"ATTRIBUTES", "TRIANGLES", "INDICES"};
-constexpr std::array<std::string_view, 4> kMeshoptFilters = {"NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL"};
+constexpr std::array<std::string_view, 5> kMeshoptFilters = {"NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL",
+                                                             "COLOR"};
 
 // The rules of the extension for the layout of its stream.
 void check_meshopt_layout(JsonCheck& check, const json& view, const json& packing, const std::string& path) {
@@ -289,8 +280,8 @@ void check_meshopt_layout(JsonCheck& check, const json& view, const json& packin
   const std::string mode = packing["mode"], filter = packing.value("filter", "NONE");
   const bool attributes = mode == "ATTRIBUTES";
   const bool stride_suits_mode = attributes ? stride % 4 == 0 : stride == 2 || stride == 4;
-  const bool stride_suits_filter = filter == "OCTAHEDRAL" ? stride == 4 || stride == 8
-                                                          : filter != "QUATERNION" || stride == 8;
+  const bool stride_suits_filter = filter == "OCTAHEDRAL" || filter == "COLOR" ? stride == 4 || stride == 8
+                                                                               : filter != "QUATERNION" || stride == 8;
   if (!stride_suits_mode || !stride_suits_filter)
     check.complain(path + ".byteStride", "does not suit the mode and the filter");
   if (mode == "TRIANGLES" && count % 3 != 0) check.complain(path + ".count", "must be a multiple of 3");
@@ -302,8 +293,8 @@ void check_meshopt_layout(JsonCheck& check, const json& view, const json& packin
 
 void check_view(JsonCheck& check, const json& view, const std::string& path, json&) {
   if (view.value("byteStride", 4u) % 4 != 0) check.complain(path + ".byteStride", "must be a multiple of 4");
-  if (const json* packing = meshopt_packing(view))
-    check_meshopt_layout(check, view, *packing, path + ".extensions." + kMeshoptExtension);
+  if (const auto packing = meshopt_packing(view))
+    check_meshopt_layout(check, view, *packing->members, path + ".extensions." + packing->extension);
 }
 
 void check_component_type(JsonCheck& check, const json& object, const std::string& path, json&) {
@@ -323,7 +314,8 @@ constexpr Member kMeshoptPacking[] = {required(index("buffer", "buffers")),
                                       required(whole("count", 1, kMaxInt)),
                                       required(word("mode", kMeshoptModes)),
                                       word("filter", kMeshoptFilters)};
-constexpr Member kViewExtensions[] = {object(kMeshoptExtension, kMeshoptPacking)};
+constexpr Member kViewExtensions[] = {object(kMeshoptExtensions[0], kMeshoptPacking),
+                                      object(kMeshoptExtensions[1], kMeshoptPacking)};
 constexpr Member kView[] = {required(index("buffer", "buffers")), whole("byteOffset", 0, kMaxOffset),
                             required(whole("byteLength", 1, kMaxOffset)), whole("byteStride", 4, 252),
                             withheld(object("extensions", kViewExtensions))};

@@ -205,6 +205,52 @@ TEST(Meshopt, AViewThatNothingNeedsIsLeftPacked) {
   EXPECT_EQ(triangles_in(file.packed_glb()).size(), 32u);
 }
 
+// As if the file had been written with the extension's later name.
+void take_khronos_name(PackedFile& file) {
+  for (json& view : file.json["bufferViews"]) {
+    json& extensions = view["extensions"];
+    extensions["KHR_meshopt_compression"] = extensions["EXT_meshopt_compression"];
+    extensions.erase("EXT_meshopt_compression");
+  }
+  file.json["extensionsRequired"] = {"KHR_meshopt_compression"};
+}
+
+TEST(Meshopt, TheKhronosNameMeansTheSame) {
+  PackedFile file;
+  const MeshData mesh = hills(4);
+  file.meshopt_node(mesh, 2);
+  const std::vector<std::byte> nonsense(64, std::byte{0x55});
+  file.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = file.accessor_over(
+      file.packed_view(nonsense, 25, 4, "ATTRIBUTES", "COLOR"), 25, "VEC4", kUnsignedByte, true);
+  file.packed_glb();
+  take_khronos_name(file);
+  EXPECT_EQ(triangles_in(file.glb()), triangles_of(mesh));
+  file.json["bufferViews"][0]["extensions"]["KHR_meshopt_compression"]["count"] = 24;
+  EXPECT_EQ(error_of(file.glb()).field, "bufferViews[0].extensions.KHR_meshopt_compression");
+}
+
+// The KHR extension adds a second version of the attribute codec, and a filter for colours.
+TEST(Meshopt, WhatTheLibraryLacksIsNotSupported) {
+  PackedFile file;
+  const MeshData mesh = hills(4);
+  std::vector<std::byte> positions = meshopt_attributes(raw(mesh.positions), sizeof(glm::vec3));
+  positions[0] = std::byte{0xA1};
+  file.mesh_node(
+      {{"attributes",
+        {{"POSITION", file.accessor_over(file.packed_view(positions, 25, 12, "ATTRIBUTES"), 25, "VEC3", kFloat)}}}});
+  file.packed_glb();
+  take_khronos_name(file);
+  const Error later = error_of(file.glb());
+  EXPECT_EQ(later.code, ErrorCode::kUnsupported);
+  EXPECT_EQ(later.field, "bufferViews[0].extensions.KHR_meshopt_compression");
+  PackedFile colour;
+  colour.mesh_node({{"attributes",
+                     {{"POSITION", colour.accessor_over(colour.packed_view(positions, 24, 8, "ATTRIBUTES", "COLOR"), 24,
+                                                        "VEC3", kShort)}}}});
+  positions[0] = std::byte{0xA0};
+  EXPECT_EQ(error_of(colour.packed_glb()).code, ErrorCode::kUnsupported);
+}
+
 // One thing wrong in the description of view 0, the positions (12 bytes, 25 of them), or of view 1, the indices.
 struct WrongPacking {
   const char* name;
@@ -269,7 +315,7 @@ TEST(Meshopt, AnUnpackedViewIntoTheBufferWithoutBytesIsAnError) {
   PackedFile file;
   file.meshopt_node(hills(4), 2);
   file.packed_glb();
-  file.json["bufferViews"].push_back({{"buffer", 1}, {"byteLength", 12}});
+  file.json["accessors"][0]["bufferView"] = file.add("bufferViews", {{"buffer", 1}, {"byteLength", 300}});
   EXPECT_EQ(error_of(file.glb()).field, "buffers[1].uri");
 }
 
