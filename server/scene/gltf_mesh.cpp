@@ -107,21 +107,21 @@ struct Corners {
   size_t triangle_count = 0;
   std::vector<glm::vec3> positions;
   std::vector<uint32_t> sequence;
+  std::vector<GltfInfluences> influences = {};  // where they are packed with the mesh
 };
 
 // Appends the triangles, copying each used vertex once, in its original order.
 void append(Corners from, Triangles& out) {
-  const auto& [mode, triangle_count, positions, sequence] = from;
   constexpr uint32_t kUnused = UINT32_MAX;
-  std::vector<uint32_t> place(positions.size(), kUnused);
-  for (const uint32_t vertex : sequence) place[vertex] = 0;
-  for (size_t vertex = 0; vertex < positions.size(); ++vertex) {
+  std::vector<uint32_t> place(from.positions.size(), kUnused);
+  for (const uint32_t vertex : from.sequence) place[vertex] = 0;
+  for (size_t vertex = 0; vertex < from.positions.size(); ++vertex) {
     if (place[vertex] == kUnused) continue;
     place[vertex] = static_cast<uint32_t>(out.positions.size());
-    out.positions.push_back(positions[vertex]);
+    out.positions.push_back(from.positions[vertex]);
   }
-  for (size_t t = 0; t < triangle_count; ++t)
-    for (const size_t corner : corners(mode, t)) out.indices.push_back(place[sequence[corner]]);
+  for (size_t t = 0; t < from.triangle_count; ++t)
+    for (const size_t corner : corners(from.mode, t)) out.indices.push_back(place[from.sequence[corner]]);
 }
 
 // Applies the limits before any of the primitive's data is read. Returns the number of its triangles.
@@ -149,9 +149,9 @@ Status read_accessors(GltfDocument& document, int position, int indices, const s
   return {};
 }
 
-Status read_draco(GltfDocument& document, const tinygltf::Value& packing, int position, const std::string& field,
-                  Corners& out) {
-  auto unpacked = unpack_draco(document, packing, position, out.triangle_count, field);
+Status read_draco(GltfDocument& document, const tinygltf::Value& packing, int position, bool skinned,
+                  const std::string& field, Corners& out) {
+  auto unpacked = unpack_draco(document, packing, position, skinned, out.triangle_count, field);
   if (!unpacked) return tl::unexpected(std::move(unpacked.error()));
   auto positions = read_gltf_positions(document, position, unpacked->positions, field + ".attributes.POSITION");
   if (!positions) return tl::unexpected(std::move(positions.error()));
@@ -159,6 +159,7 @@ Status read_draco(GltfDocument& document, const tinygltf::Value& packing, int po
   out.triangle_count = unpacked->indices.size() / 3;
   out.positions = std::move(*positions);
   out.sequence = std::move(unpacked->indices);
+  out.influences = std::move(unpacked->influences);
   return {};
 }
 
@@ -170,13 +171,17 @@ Status read_triangles(GltfDocument& document, const tinygltf::Primitive& primiti
   if (*planned == 0) return {};
   Corners corners{primitive.mode, *planned, {}, {}};
   const tinygltf::Value* packing = draco_packing(primitive);
-  const Status read = packing ? read_draco(document, *packing, position, field, corners)
+  const Status read = packing ? read_draco(document, *packing, position, skin != nullptr, field, corners)
                               : read_accessors(document, position, indices, field, corners);
   if (!read) return read;
-  if (skin && packing)
-    document.warnings.add(field + ": is packed by Draco, and drawn without its skin");
-  else if (skin)
-    if (const Status s = apply_gltf_skin(document, *skin, primitive, field, corners.positions); !s) return s;
+  if (skin) {
+    const auto set_of = [&](size_t set) -> Result<std::optional<GltfInfluences>> {
+      if (!packing) return read_gltf_influences(document, primitive, set, corners.positions.size(), field);
+      if (set < corners.influences.size()) return std::move(corners.influences[set]);
+      return std::nullopt;
+    };
+    if (const Status s = apply_gltf_skin(document, *skin, set_of, field, corners.positions); !s) return s;
+  }
   if (const Status s = check_positions(corners.positions, field + ".attributes.POSITION"); !s) return s;
   if (const Status s = check_sequence(corners.sequence, corners.positions.size(), field + ".indices"); !s) return s;
   append(std::move(corners), out);
