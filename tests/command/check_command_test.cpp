@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "client/check/plan_picture.h"
+#include "client/check/wandering.h"
 #include "server/scene/primitives.h"
 #include "tests/support/glb_builder.h"
 #include "tests/support/temporary_folder.h"
@@ -278,7 +279,8 @@ TEST_F(CheckCommand, WarningsOfTheReaderAreTold) {
 TEST_F(CheckCommand, WarningsAreAFailureWhereThatIsAskedFor) {
   LevelFile level = room();
   std::ostringstream out;
-  CheckOptions options{write(level), "none", true};
+  CheckOptions options{write(level), "none"};
+  options.strict = true;
   EXPECT_EQ(run_check_command(options, out, err), 0);
   level.set_of_all("occludes", false);
   write(level);
@@ -312,6 +314,79 @@ TEST_F(CheckCommand, APlanThatCannotBeWrittenIsAFailure) {
   std::ostringstream out;
   EXPECT_EQ(run_check_command({write(room()), folder / "none" / "plan.png"}, out, err), 1);
   EXPECT_THAT(err.str(), HasSubstr("plan.png"));
+}
+
+// Two rooms behind one another with a doorway between them, under a roof.
+LevelFile two_rooms() {
+  LevelFile level = room();
+  level.box("north wall", {8, 3, 0.3}, {-6, 1.5, 0});
+  level.box("south wall", {10, 3, 0.3}, {5, 1.5, 0});
+  level.box("roof", {20, 0.2, 15}, {0, 3.1, 0});
+  return level;
+}
+
+TEST_F(CheckCommand, PeopleStandOnFloorsWithRoomForThem) {
+  LevelFile level = two_rooms();
+  level.box("table", {2, 0.8, 2}, {-5, 0.4, 4});
+  const auto read = read_level(write(level));
+  ASSERT_TRUE(read) << to_string(read.error());
+  const std::vector<StandingPlace> places = standing_places(*read);
+  // The rooms are 20 x 15 m with the walls. Half a metre along each wall, the table and the pillar are lost.
+  EXPECT_GT(places.size(), 600u);
+  EXPECT_LT(places.size(), 1200u);
+  bool north = false, south = false;
+  for (const StandingPlace& place : places) {
+    const glm::dvec3& p = place.foot_m;
+    EXPECT_NEAR(p.y, 0.0, 1e-3) << "not on the roof, and not on the table";
+    EXPECT_FALSE(std::abs(p.x + 5) < 1.3 && std::abs(p.z - 4) < 1.3) << p.x << ' ' << p.z;
+    EXPECT_LT(std::abs(p.x), 9.4);
+    (p.z < 0 ? north : south) = true;
+    for (const uint32_t other : place.neighbours) EXPECT_LT(glm::distance(p, places[other].foot_m), 0.75);
+  }
+  EXPECT_TRUE(north && south) << "through the doorway";
+}
+
+TEST_F(CheckCommand, WanderersKeepToTheFloorAndOutOfWalls) {
+  const auto read = read_level(write(two_rooms()));
+  ASSERT_TRUE(read) << to_string(read.error());
+  const auto scenario = wandering_in(*read, standing_places(*read), 1);
+  ASSERT_TRUE(scenario) << to_string(scenario.error());
+  ASSERT_EQ(scenario->targets().size(), 2u);
+  double farthest_m = 0.0;
+  for (double time_s = 0.0; time_s <= kWalkS; time_s += 0.1) {
+    const std::vector<Pose> poses = scenario->poses_at(time_s);
+    for (const Pose& pose : poses) {
+      EXPECT_NEAR(pose.position_m.y, 0.0, 0.01) << time_s;
+      EXPECT_LT(std::abs(pose.position_m.x), 9.4) << time_s;
+      EXPECT_LT(std::abs(pose.position_m.z), 7.0) << time_s;
+      const bool in_doorway = pose.position_m.x > -1.75 && pose.position_m.x < -0.25;
+      EXPECT_TRUE(in_doorway || std::abs(pose.position_m.z) > 0.4) << time_s << ' ' << pose.position_m.x;
+    }
+    EXPECT_LT(glm::distance(poses[0].position_m, poses[1].position_m), 2.0) << time_s;
+    farthest_m = std::max(farthest_m, glm::distance(poses[0].position_m, scenario->poses_at(0.0)[0].position_m));
+  }
+  EXPECT_GT(farthest_m, 5.0) << "they walk";
+}
+
+TEST_F(CheckCommand, ALevelCanBePlayed) {
+  CheckOptions options{write(room()), "none", true};
+  options.json = true;
+  std::ostringstream out;
+  ASSERT_EQ(run_check_command(options, out, err), 0) << err.str();
+  const json told = json::parse(out.str())["play"];
+  EXPECT_TRUE(told["wandered"]);
+  EXPECT_EQ(told["duration_s"], kWalkS);
+  EXPECT_EQ(told["targets"].size(), 2u);
+  EXPECT_GT(told["joint_whole_share"], 0.2);
+  EXPECT_EQ(told["body_collisions"], 0);
+}
+
+TEST_F(CheckCommand, ALevelWithoutAFloorCannotBePlayed) {
+  LevelFile level;
+  level.box("wall", {20, 3, 0.3}, {0, 1.5, 0});
+  std::ostringstream out;
+  EXPECT_EQ(run_check_command({write(level), "none", true}, out, err), 1);
+  EXPECT_THAT(err.str(), HasSubstr("has no floor with room for people"));
 }
 
 // The rows of dark pixels in a column of the picture, from the first to the last above the caption.

@@ -133,7 +133,11 @@ class Json(unittest.TestCase):
         self.assertEqual(told["warnings"], [])
         self.assertEqual(told["roles"]["targets"], 2)
         self.assertGreater(told["size_m"][0], 10)
+        self.assertIsNone(told["play"])
         self.assertEqual(plan.read_bytes()[:4], b"\x89PNG")
+        played = self.value("check", self.scene, "--plan", "none", "--play", "--json")["play"]
+        self.assertFalse(played["wandered"], "the scene has roles")
+        self.assertGreater(played["pictures"], 0)
         self.assertEqual(run(SIGHTLINE, "check", self.yard, "--plan", "none", "--json").returncode, NO)
 
     def test_of_info(self):
