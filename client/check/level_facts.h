@@ -9,7 +9,7 @@
 
 namespace sightline {
 
-// Instances that are shorter than this are small: a camera body passes between them.
+// Instances that are shorter than this are small: clutter that a camera need not keep clear of.
 inline constexpr double kSmallInstanceM = 0.5;
 
 struct LevelFacts {

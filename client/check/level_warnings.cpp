@@ -70,9 +70,7 @@ Text one_mesh(const LevelFacts& facts) {
 
 Text nothing_hides(const LevelFacts& facts) {
   if (facts.hiding > 0) return {};
-  return "nothing in it hides a target: it has no triangles, or `occludes`, `visible`, `opacity` or materials switch "
-         "all "
-         "of them off";
+  return "nothing in it hides a target: it has no triangles, or attributes and materials switch all of them off";
 }
 
 Text no_colliders(const LevelFacts& facts) {
@@ -94,7 +92,7 @@ std::vector<LevelWarning> level_warnings(const Level& level, const LevelFacts& f
   for (const std::string& text : level.asset->warnings) warnings.push_back({"file", text});
   if (level.unplayable) warnings.push_back({"roles", to_string(*level.unplayable)});
   for (const std::string& text : level.session_warnings)
-    warnings.push_back({"scale", text + other_unit(longest(facts.size_m()))});
+    warnings.push_back({"scale", text.starts_with("open.scene") ? text + other_unit(longest(facts.size_m())) : text});
   const std::pair<const char*, Text> further[] = {
       {"up_axis", up_axis(facts)},          {"nothing_hides", nothing_hides(facts)},
       {"thin_walls", thin_walls(surfaces)}, {"one_sided", one_sided(surfaces)},

@@ -258,6 +258,23 @@ TEST_F(CheckCommand, ALevelInWhichNothingHidesIsWarnedOf) {
   EXPECT_THAT(check(house)["see_through_materials"], ElementsAre("glass"));
 }
 
+TEST_F(CheckCommand, AnEmptyLevelIsWarnedOfAndDrawn) {
+  LevelFile level;
+  EXPECT_THAT(warnings(level), ElementsAre(HasSubstr("nothing_hides: "), HasSubstr("no_colliders: ")));
+  std::ostringstream out;
+  EXPECT_EQ(run_check_command({write(level), folder / "plan.png"}, out, err), 0) << err.str();
+  EXPECT_GT(fs::file_size(folder / "plan.png"), 0u);
+}
+
+// The level is fine, and its targets are giants.
+TEST_F(CheckCommand, TargetsInAnotherUnitAreWarnedOf) {
+  LevelFile level = room();
+  level.box("Guard", {30, 90, 30}, {0, 45, 0})["extras"]["sightline"]["role"] = "target";
+  level.add("nodes", {{"name", "Eye"}, {"extras", {{"sightline", {{"role", "camera"}}}}}});
+  EXPECT_THAT(warnings(level), ElementsAre(AllOf(HasSubstr("scale: open.targets"), HasSubstr("90 m long"),
+                                                 testing::Not(HasSubstr("a hundredth")))));
+}
+
 TEST_F(CheckCommand, RolesAreCountedAndWrongOnesTold) {
   LevelFile level = room();
   level.box("Guard", {0.6, 1.8, 0.6}, {0, 0.9, 0})["extras"]["sightline"] = {{"role", "target"}, {"required", 1}};
