@@ -1,7 +1,6 @@
 #include "client/check/level_surfaces.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <map>
 #include <optional>
@@ -21,37 +20,6 @@ constexpr int kLeastSamples = 3;
 constexpr double kLeastShare = 0.25;
 constexpr int kMostCrossings = 64;
 constexpr double kUpFacing = 0.5;  // from this y of the normal on, a surface is floor; below -0.5, ceiling
-
-using TriangleKey = std::array<uint32_t, 3>;
-
-// Triangles that lie in a geometry once for each side, as some exporters write double-sided surfaces. Equal positions
-// have been merged (weld.h), so that both have the same vertices.
-class DoubledTriangles {
- public:
-  bool contains(const Geometry& geometry, size_t first_index) {
-    const auto [found, is_new] = by_geometry_.try_emplace(&geometry);
-    if (is_new) found->second = doubled_in(geometry);
-    return found->second.contains(key_of(geometry, first_index));
-  }
-
- private:
-  static TriangleKey key_of(const Geometry& geometry, size_t first) {
-    TriangleKey key{geometry.indices[first], geometry.indices[first + 1], geometry.indices[first + 2]};
-    std::ranges::sort(key);
-    return key;
-  }
-  static std::set<TriangleKey> doubled_in(const Geometry& geometry) {
-    std::vector<TriangleKey> keys;
-    for (size_t first = 0; first < geometry.indices.size(); first += 3) keys.push_back(key_of(geometry, first));
-    std::ranges::sort(keys);
-    std::set<TriangleKey> doubled;
-    for (size_t i = 1; i < keys.size(); ++i)
-      if (keys[i] == keys[i - 1]) doubled.insert(keys[i]);
-    return doubled;
-  }
-
-  std::map<const Geometry*, std::set<TriangleKey>> by_geometry_;
-};
 
 // A place on a triangle by the R2 sequence (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018).
 glm::dvec3 place_on(const LevelTriangle& triangle, int sample) {
@@ -99,49 +67,53 @@ class SurfaceJudge {
         });
   }
 
+  // What a ray meets behind a place on an instance, of that instance alone.
+  struct Behind {
+    bool covered = false;  // another surface of it lies on the place and faces the other way
+    std::optional<double> way_out_m;
+  };
+
   void judge_sample(uint32_t slot, const LevelTriangle& triangle, const glm::dvec3& place_m) {
-    const Geometry& geometry = *level_.mirror->instances()[slot].geometry;
     const bool upright = triangle.normal.y > -kUpFacing;
     ++judged_[slot];
-    const std::optional<double> thickness_m = thickness_at(slot, place_m, -triangle.normal);
-    const bool one_sided = !thickness_m && drawn_from_one_side_.contains(&geometry) &&
-                           !doubled_.contains(geometry, triangle.first_index);
-    if (one_sided)
+    const Behind own = behind_in_own(slot, place_m, -triangle.normal);
+    if (own.covered && own.way_out_m) return;  // two parts of a body touch here
+    // A solid is most often one instance, which may touch others. But a wall's two sides may also be two instances.
+    const std::optional<double> thickness_m = own.way_out_m ? own.way_out_m
+                                                            : way_out(place_m, glm::vec3(-triangle.normal));
+    const bool drawn_from_one_side = drawn_from_one_side_.contains(level_.mirror->instances()[slot].geometry.get());
+    // Some exporters write a double-sided surface as one for each side: those cover each other.
+    if (!thickness_m && drawn_from_one_side && !own.covered)
       ++one_sided_[slot];
     else if (thickness_m.value_or(0.0) < kThinnestWallM && upright)
       ++thin_[slot];
   }
 
-  // Of the solid behind a place on its surface; none where there is only a surface. A solid is most often one instance,
-  // which may touch others. But a wall's two sides may also be two instances.
-  std::optional<double> thickness_at(uint32_t slot, const glm::dvec3& place_m, const glm::dvec3& inwards) const {
-    const std::optional<double> own_m = way_out_of_own(slot, place_m, inwards);
-    return own_m ? own_m : way_out(place_m, glm::vec3(inwards));
-  }
-
   // How far a ray that starts inside a solid goes until it is outside. It enters whatever shows it its front, and
-  // leaves whatever shows it its back. Where two solids of one mesh touch, it leaves the first and enters the second at
-  // once.
-  std::optional<double> way_out_of_own(uint32_t slot, const glm::dvec3& place_m, const glm::dvec3& direction) const {
+  // leaves whatever shows it its back. Where two solids of one mesh touch, it goes on in the second.
+  Behind behind_in_own(uint32_t slot, const glm::dvec3& place_m, const glm::dvec3& direction) const {
     const Instance& instance = level_.mirror->instances()[slot];
     const Affine instance_from_world = inverse(instance.world_from_instance);
-    const std::vector<Crossing> crossings = all_crossings(*instance.geometry,
-                                                          transform_point(instance_from_world, place_m),
-                                                          transform_vector(instance_from_world, direction));
+    // From a little before the place, so that surfaces there are met for certain.
+    const std::vector<Crossing> crossings = all_crossings(
+        *instance.geometry, transform_point(instance_from_world, place_m - near_m_ * direction),
+        transform_vector(instance_from_world, direction));
+    Behind behind;
     int inside = 1;
     for (size_t i = 0, end = 0; i < crossings.size(); i = end) {
-      int entered = 0;
-      for (; end < crossings.size() && crossings[end].distance <= crossings[i].distance + near_m_; ++end) {
-        if (crossings[end].distance <= near_m_) continue;
-        crossings[end].from_back ? --inside : ++entered;
-      }
-      if (inside <= 0) return crossings[i].distance;
-      inside += entered;
+      for (; end < crossings.size() && crossings[end].distance <= crossings[i].distance + near_m_; ++end)
+        if (crossings[end].distance > 2.0 * near_m_)
+          inside += crossings[end].from_back ? -1 : 1;
+        else
+          behind.covered = behind.covered || crossings[end].from_back;
+      if (inside > 0) continue;
+      behind.way_out_m = crossings[i].distance - near_m_;
+      break;
     }
-    return std::nullopt;
+    return behind;
   }
 
-  // The same among all instances.
+  // The way out, among all instances.
   std::optional<double> way_out(const glm::dvec3& place_m, const glm::vec3& direction) const {
     auto from_m = static_cast<float>(near_m_);
     int inside = 1;
@@ -171,7 +143,6 @@ class SurfaceJudge {
   EmbreeScene scene_;
   double near_m_ = 0.0;  // nearer surfaces are one; a ray leaves its own triangle behind
   std::set<const Geometry*> drawn_from_one_side_;
-  DoubledTriangles doubled_;
   std::map<uint32_t, int> judged_, thin_, one_sided_;  // samples by slot
 };
 

@@ -181,16 +181,21 @@ TEST_F(CheckCommand, GroundMayHaveOneSide) {
   EXPECT_THAT(warnings(level), IsEmpty());
 }
 
-// Two boxes of one mesh with a whole face in common: neither is a thin wall there, nor open.
-TEST_F(CheckCommand, PartsOfOneBodyMayTouch) {
-  LevelFile level = room();
-  MeshData both = *tessellate(BoxShape{{2, 1.5f, 0.2f}});
-  const auto first = static_cast<uint32_t>(both.positions.size());
-  const MeshData box = both;
-  for (const glm::vec3& p : box.positions) both.positions.push_back(p + glm::vec3(0, 0, 0.4f));
-  for (const uint32_t index : box.indices) both.indices.push_back(first + index);
-  level.node("wall", level.mesh("wall", both), {0, 1.5f, -2});
-  EXPECT_THAT(warnings(level), IsEmpty());
+// Two boards of one mesh with a whole face in common are one wall.
+TEST_F(CheckCommand, BoardsThatTouchAreAsThickAsBothTogether) {
+  for (const float thickness : {0.012f, 0.008f}) {
+    LevelFile level = room();
+    MeshData both = *tessellate(BoxShape{{2, 1.5f, 0.5f * thickness}});
+    const auto first = static_cast<uint32_t>(both.positions.size());
+    const MeshData board = both;
+    for (const glm::vec3& p : board.positions) both.positions.push_back(p + glm::vec3(0, 0, thickness));
+    for (const uint32_t index : board.indices) both.indices.push_back(first + index);
+    level.node("wall", level.mesh("wall", both), {0, 1.5f, -2});
+    if (2.0f * thickness > 0.02f)
+      EXPECT_THAT(warnings(level), IsEmpty());
+    else
+      EXPECT_THAT(warnings(level), ElementsAre(AllOf(HasSubstr("thin_walls: "), HasSubstr("wall ("))));
+  }
 }
 
 TEST_F(CheckCommand, AMirroredBodyIsNotTurnedInsideOut) {
