@@ -8,6 +8,7 @@
 #include "client/base/verb.h"
 #include "client/base/wire_presets.h"
 #include "client/bench/command.h"
+#include "client/check/check_command.h"
 #include "client/command/scene_command.h"
 #include "client/cpp/sightline_client.h"
 #include "client/demo/demo_command.h"
@@ -140,6 +141,7 @@ int main(int argc, char** argv) {
   scene_verb->add_flag("--json", scene_json, "One JSON object instead of tables");
 
   std::vector<sightline::Verb> verbs = sightline::add_recording_verbs(app);
+  verbs.push_back(sightline::add_check_verb(app));
   verbs.push_back(sightline::add_demo_verb(app, bench.program));
   verbs.push_back(sightline::add_replay_verb(app));
   verbs.push_back(sightline::add_compare_verb(app));

@@ -49,6 +49,11 @@ std::vector<Affine> world_at(const SceneAsset& asset, double time_s) {
 
 }  // namespace
 
+bool has_roles(const SceneAsset& asset) {
+  return std::ranges::any_of(asset.nodes,
+                             [](const AssetNode& node) { return sightline_extras(node).contains("role"); });
+}
+
 Result<Scenario> Scenario::read(const std::string& path, GeometryStore& store) {
   auto asset = read_gltf_file(path, store);
   if (!asset) return tl::unexpected(asset.error());

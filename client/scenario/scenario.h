@@ -77,4 +77,7 @@ class Scenario {
   std::vector<glm::dquat> rest_rotations_;  // by actor
 };
 
+// True if a node names a role.
+bool has_roles(const SceneAsset& asset);
+
 }  // namespace sightline

@@ -48,6 +48,12 @@ struct AssetCamera {
   double near_m = 0.0;
 };
 
+struct AssetMaterial {
+  std::string name;
+  bool see_through = false;   // hides nothing; collides nevertheless
+  bool double_sided = false;  // drawn from both sides. Here every surface hides from both
+};
+
 // One animated property of one node. Values stand 3 (translation, scale) or 4 (rotation x y z w) floats a key;
 // cubic splines have three such values a key (in-tangent, value, out-tangent).
 struct AssetChannel {
@@ -70,6 +76,8 @@ struct SceneAsset {
   ContentHash hash;                                     // of the file's bytes and of every file it refers to
   std::vector<std::shared_ptr<const Geometry>> meshes;  // all primitives of a glTF mesh as one geometry; null if empty
   std::vector<std::string> mesh_names;
+  std::vector<bool> mesh_double_sided;  // by mesh: the materials of all its primitives are
+  std::vector<AssetMaterial> materials;
   std::vector<AssetNode> nodes;  // of the default scene, else of the first; of all roots when there are no scenes
   std::vector<AssetCamera> cameras;
   std::vector<AssetAnimation> animations;

@@ -59,6 +59,15 @@ void note_extensions(const nlohmann::json& json, SceneAsset& asset) {
   for (const auto& name : json["extensionsUsed"]) asset.extensions_used.push_back(name.get<std::string>());
 }
 
+// What the file asks for and does not get, though nothing that is drawn needs it.
+void warn_of_what_is_left_out(GltfDocument& document) {
+  const nlohmann::json& about = document.json["asset"];
+  if (const std::string least = about.value("minVersion", std::string("2.0")); least != "2.0")
+    document.warnings.add("asset.minVersion: is " + least + ", and the file is read as glTF 2.0");
+  for (const auto& [buffer, why] : document.absent_buffers)
+    document.warnings.add(why.field + ": " + why.message + "; left out, because nothing that is drawn uses it");
+}
+
 Result<std::shared_ptr<const SceneAsset>> read_document(std::span<const std::byte> bytes, const ExternalFile& external,
                                                         GeometryStore& store, const GltfLimits& limits) {
   // 1. The container: which bytes are JSON.
@@ -85,6 +94,7 @@ Result<std::shared_ptr<const SceneAsset>> read_document(std::span<const std::byt
   if (const Status s = read_gltf_nodes(document, limits, *asset, asset_node_of); !s) return tl::unexpected(s.error());
   if (const Status s = read_gltf_meshes(document, store, asset_node_of, *asset); !s) return tl::unexpected(s.error());
   if (const Status s = read_gltf_animations(document, asset_node_of, *asset); !s) return tl::unexpected(s.error());
+  warn_of_what_is_left_out(document);
   asset->warnings = document.warnings.take();
   return asset;
 }

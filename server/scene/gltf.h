@@ -27,7 +27,7 @@ struct GltfLimits {
   size_t max_json_bytes = size_t{128} << 20;
   size_t max_json_values = 16'000'000;
   size_t max_animation_values = 50'000'000;  // numbers in all keys of all animations
-  // Total memory for unpacking EXT_meshopt_compression and KHR_draco_mesh_compression.
+  // Total memory for unpacking buffer views (meshoptimizer) and meshes with their skins (Draco).
   size_t max_unpacked_bytes = size_t{4} << 30;
   // The flags that set the limits, for refusals: of instances, and of the others; empty: none does.
   std::string instances_flag = {}, memory_flag = {};

@@ -5,6 +5,7 @@
 #include <limits>
 #include <optional>
 
+#include "server/scene/gltf_json.h"
 #include "server/scene/gltf_meshopt.h"
 
 namespace sightline {
@@ -184,9 +185,16 @@ struct FloatFormat {
   }
 };
 
+Status check_type(const GltfDocument& document, int index) {
+  const auto i = static_cast<size_t>(index);
+  if (is_gltf_accessor_type(document.json["accessors"][i]["type"].get_ref<const std::string&>())) return {};
+  return invalid(gltf_path("accessors", i) + ".type", "is not one of the words that glTF allows here");
+}
+
 Result<FloatFormat> float_format(GltfDocument& document, int index, int components, GltfComponents allowed,
                                  const std::string& field) {
   const tinygltf::Accessor& accessor = document.model.accessors[static_cast<size_t>(index)];
+  if (const Status known = check_type(document, index); !known) return tl::unexpected(known.error());
   if (tinygltf::GetNumComponentsInType(static_cast<uint32_t>(accessor.type)) != components ||
       !allowed_component(accessor, allowed))
     return invalid(field, "accessors[" + std::to_string(index) + "] has the wrong type or componentType");
@@ -217,13 +225,14 @@ Result<FloatSource> float_source(GltfDocument& document, int index, int componen
 }  // namespace
 
 Result<std::span<const std::byte>> gltf_view_bytes(GltfDocument& document, size_t index) {
-  if (const auto* packing = meshopt_packing(document.json["bufferViews"][index]))
+  if (const auto packing = meshopt_packing(document.json["bufferViews"][index]))
     return unpack_meshopt_view(document, index, *packing);
   const tinygltf::BufferView& view = document.model.bufferViews[index];
-  const std::span<const std::byte> buffer = document.buffers[static_cast<size_t>(view.buffer)];
-  if (view.byteOffset > buffer.size() || view.byteLength > buffer.size() - view.byteOffset)
+  const auto buffer = gltf_buffer_bytes(document, static_cast<size_t>(view.buffer));
+  if (!buffer) return buffer;
+  if (view.byteOffset > buffer->size() || view.byteLength > buffer->size() - view.byteOffset)
     return fail(ErrorCode::kDataLoss, gltf_path("bufferViews", index), "reaches beyond its buffer");
-  return buffer.subspan(view.byteOffset, view.byteLength);
+  return buffer->subspan(view.byteOffset, view.byteLength);
 }
 
 Result<std::vector<float>> read_gltf_floats(GltfDocument& document, int index, int components, GltfComponents allowed,
@@ -255,6 +264,7 @@ Result<std::vector<glm::vec3>> read_gltf_positions(GltfDocument& document, int i
 
 Result<std::vector<uint32_t>> read_gltf_indices(GltfDocument& document, int index, const std::string& field) {
   const tinygltf::Accessor& accessor = document.model.accessors[static_cast<size_t>(index)];
+  if (const Status known = check_type(document, index); !known) return tl::unexpected(known.error());
   if (accessor.type != TINYGLTF_TYPE_SCALAR || !is_index_type(accessor.componentType) || accessor.normalized)
     return invalid(field, "accessors[" + std::to_string(index) + "] must be a scalar of an unsigned type");
   const auto sources = locate(document, index, component_bytes(accessor.componentType));

@@ -74,13 +74,21 @@ Status read_keys(GltfDocument& document, const tinygltf::AnimationSampler& sampl
   return check_values(channel, field + ".output");
 }
 
+// An accessor may have no data in the file: all its numbers are zero then. That makes no keys.
+bool has_data(const tinygltf::Model& model, int accessor) {
+  const tinygltf::Accessor& source = model.accessors[static_cast<size_t>(accessor)];
+  return source.bufferView >= 0 || source.sparse.isSparse;
+}
+
 // Why a channel is not played, or nothing.
-std::optional<std::string> reason_to_skip(const tinygltf::AnimationChannel& channel, int asset_node,
+std::optional<std::string> reason_to_skip(const tinygltf::Model& model, const tinygltf::AnimationSampler& sampler,
+                                          const tinygltf::AnimationChannel& channel, int asset_node,
                                           const SceneAsset& asset) {
   if (channel.target_path == "weights") return "morph targets stay at rest";
   if (!path_of(channel.target_path)) return "target.path \"" + channel.target_path.substr(0, 40) + "\" is not known";
   if (asset_node < 0) return "the node is not part of the scene";
   if (!asset.nodes[static_cast<size_t>(asset_node)].decomposed) return "the node's matrix shears or flattens";
+  if (!has_data(model, sampler.input) || !has_data(model, sampler.output)) return "its keys have no data in the file";
   return std::nullopt;
 }
 
@@ -97,7 +105,9 @@ class AnimationReader {
       if (document_.work.ends(64)) return tl::unexpected(document_.work.limit()->error());
       const std::string channel_field = field + "." + gltf_path("channels", i);
       const int node = asset_node_of_[static_cast<size_t>(source.channels[i].target_node)];
-      if (const auto reason = reason_to_skip(source.channels[i], node, asset_)) {
+      if (const auto reason = reason_to_skip(document_.model,
+                                             source.samplers[static_cast<size_t>(source.channels[i].sampler)],
+                                             source.channels[i], node, asset_)) {
         document_.warnings.add(channel_field + ": ignored, " + *reason);
         continue;
       }

@@ -46,12 +46,16 @@ class BufferLoader {
 
   Status load(const nlohmann::json& buffer, size_t index) {
     const std::string field = gltf_path("buffers", index);
+    if (!buffer.contains("uri") && !(index == 0 && container_.binary_chunk))
+      return leave_out(
+          index, {ErrorCode::kInvalidArgument, field + ".uri", "is missing, and there is no binary chunk for it"});
     const size_t length = buffer["byteLength"].get<size_t>();
     if (length > limits_.max_file_bytes - total_)
       return fail(ErrorCode::kResourceExhausted, field + ".byteLength",
                   "the buffers together are larger than " + std::to_string(limits_.max_file_bytes) + " bytes");
     total_ += length;
-    const auto source = source_of(buffer, index, field);
+    const auto source = source_of(buffer, field);
+    if (!source && is_missing(source.error())) return leave_out(index, source.error());
     if (!source) return tl::unexpected(source.error());
     if (source->size() < length)
       return fail(ErrorCode::kDataLoss, field,
@@ -63,20 +67,35 @@ class BufferLoader {
  private:
   using Bytes = std::span<const std::byte>;
 
-  Result<Bytes> source_of(const nlohmann::json& buffer, size_t index, const std::string& field) {
-    if (!buffer.contains("uri")) {
-      if (index == 0 && container_.binary_chunk) return *container_.binary_chunk;
-      return invalid(field + ".uri", "is missing, and there is no binary chunk for it");
-    }
+  // Limits, and the end of the work, are errors at once.
+  static bool is_missing(const Error& error) {
+    return error.code == ErrorCode::kInvalidArgument || error.code == ErrorCode::kNotFound ||
+           error.code == ErrorCode::kDataLoss;
+  }
+  Status leave_out(size_t index, Error why) {
+    document_.absent_buffers.emplace(index, std::move(why));
+    document_.buffers.emplace_back();
+    return {};
+  }
+
+  Result<Bytes> source_of(const nlohmann::json& buffer, const std::string& field) {
+    if (!buffer.contains("uri")) return *container_.binary_chunk;
     const std::string uri = buffer["uri"].get<std::string>();
     return uri.starts_with("data:") ? from_data_uri(uri, field) : from_file(uri, field);
   }
 
+  // RFC 2397: "data:", any media type, perhaps ";base64", a comma and the data. tinygltf takes a few media types only,
+  // so it sees one of them.
   Result<Bytes> from_data_uri(const std::string& uri, const std::string& field) {
+    const auto damaged = fail(ErrorCode::kDataLoss, field + ".uri", "is not a data URI that can be decoded");
+    const size_t comma = uri.find(',');
+    std::string data;
+    if (comma == std::string::npos || !percent_decode(uri.substr(comma + 1), data)) return damaged;
+    if (!std::string_view(uri).substr(0, comma).ends_with(";base64")) return own(std::as_bytes(std::span(data)));
     std::vector<unsigned char> decoded;
     std::string mime_type;
-    if (!tinygltf::IsDataURI(uri) || !tinygltf::DecodeDataURI(&decoded, mime_type, uri, 0, false))
-      return fail(ErrorCode::kDataLoss, field + ".uri", "is not a base64 data URI of a known media type");
+    data.insert(0, "data:application/octet-stream;base64,");
+    if (!tinygltf::DecodeDataURI(&decoded, mime_type, data, 0, false)) return damaged;
     return own(std::as_bytes(std::span(decoded)));
   }
 

@@ -1,5 +1,5 @@
 // A table of every member of a glTF document that the reader uses: type, range and reference (glTF 2.0 section 5 and
-// three geometry extensions). Rules that do not fit the table are separate functions.
+// the geometry extensions). Rules that do not fit the table are separate functions.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -237,28 +237,18 @@ class JsonCheck {
 // --- asset and extensions
 // ----------------------------------------------------------------------------------------------
 
-// Extensions that may be required: five that the reader knows, and those that leave every triangle where it is.
-constexpr std::array<std::string_view, 15> kSupported = {"KHR_mesh_quantization",
-                                                         "EXT_mesh_gpu_instancing",
-                                                         "EXT_meshopt_compression",
-                                                         "KHR_draco_mesh_compression",
-                                                         "KHR_node_visibility",
-                                                         "KHR_lights_punctual",
-                                                         "KHR_xmp_json_ld",
-                                                         "KHR_texture_basisu",
-                                                         "KHR_texture_transform",
-                                                         "EXT_texture_webp",
-                                                         "EXT_texture_avif",
-                                                         "MSFT_texture_dds",
-                                                         "EXT_lights_image_based",
-                                                         "EXT_lights_ies",
-                                                         "KHR_xmp"};
+// Extensions that may be required: six that the reader knows, and those that leave every triangle where it is.
+constexpr std::array<std::string_view, 16> kSupported = {
+    "KHR_mesh_quantization",      "EXT_mesh_gpu_instancing", "EXT_meshopt_compression", "KHR_meshopt_compression",
+    "KHR_draco_mesh_compression", "KHR_node_visibility",     "KHR_lights_punctual",     "KHR_xmp_json_ld",
+    "KHR_texture_basisu",         "KHR_texture_transform",   "EXT_texture_webp",        "EXT_texture_avif",
+    "MSFT_texture_dds",           "EXT_lights_image_based",  "EXT_lights_ies",          "KHR_xmp"};
 
 void check_version(JsonCheck& check, const json& asset, const std::string&, json&) {
   if (!asset["version"].get<std::string>().starts_with("2."))
     check.complain("asset.version", "must be 2.x", ErrorCode::kUnsupported);
-  if (asset.contains("minVersion") && asset["minVersion"] != "2.0")
-    check.complain("asset.minVersion", "must be 2.0", ErrorCode::kUnsupported);
+  if (asset.contains("minVersion") && !asset["minVersion"].get<std::string>().starts_with("2."))
+    check.complain("asset.minVersion", "must be 2.x", ErrorCode::kUnsupported);
 }
 
 void check_required_extensions(JsonCheck& check, const json& document, const std::string&, json&) {
@@ -281,7 +271,8 @@ constexpr Member kHead[] = {required(object("asset", kAsset, check_version)), pl
 
 constexpr std::array<std::string_view, 7> kAccessorTypes = {"SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"};
 constexpr std::array<std::string_view, 3> kMeshoptModes = {"ATTRIBUTES", "TRIANGLES", "INDICES"};
-constexpr std::array<std::string_view, 4> kMeshoptFilters = {"NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL"};
+constexpr std::array<std::string_view, 5> kMeshoptFilters = {"NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL",
+                                                             "COLOR"};
 
 // The rules of the extension for the layout of its stream.
 void check_meshopt_layout(JsonCheck& check, const json& view, const json& packing, const std::string& path) {
@@ -289,8 +280,8 @@ void check_meshopt_layout(JsonCheck& check, const json& view, const json& packin
   const std::string mode = packing["mode"], filter = packing.value("filter", "NONE");
   const bool attributes = mode == "ATTRIBUTES";
   const bool stride_suits_mode = attributes ? stride % 4 == 0 : stride == 2 || stride == 4;
-  const bool stride_suits_filter = filter == "OCTAHEDRAL" ? stride == 4 || stride == 8
-                                                          : filter != "QUATERNION" || stride == 8;
+  const bool stride_suits_filter = filter == "OCTAHEDRAL" || filter == "COLOR" ? stride == 4 || stride == 8
+                                                                               : filter != "QUATERNION" || stride == 8;
   if (!stride_suits_mode || !stride_suits_filter)
     check.complain(path + ".byteStride", "does not suit the mode and the filter");
   if (mode == "TRIANGLES" && count % 3 != 0) check.complain(path + ".count", "must be a multiple of 3");
@@ -302,12 +293,17 @@ void check_meshopt_layout(JsonCheck& check, const json& view, const json& packin
 
 void check_view(JsonCheck& check, const json& view, const std::string& path, json&) {
   if (view.value("byteStride", 4u) % 4 != 0) check.complain(path + ".byteStride", "must be a multiple of 4");
-  if (const json* packing = meshopt_packing(view))
-    check_meshopt_layout(check, view, *packing, path + ".extensions." + kMeshoptExtension);
+  if (const auto packing = meshopt_packing(view))
+    check_meshopt_layout(check, view, *packing->members, path + ".extensions." + packing->extension);
 }
 
 void check_component_type(JsonCheck& check, const json& object, const std::string& path, json&) {
   if (object["componentType"] == 5124) check.complain(path + ".componentType", "5124 is not a component type of glTF");
+}
+
+void check_accessor(JsonCheck& check, const json& accessor, const std::string& path, json& copy) {
+  check_component_type(check, accessor, path, copy);
+  if (!is_gltf_accessor_type(accessor["type"].get_ref<const std::string&>())) copy["type"] = "SCALAR";
 }
 
 constexpr Member kBuffer[] = {required(whole("byteLength", 1, kMaxOffset)), text("uri")};
@@ -318,7 +314,8 @@ constexpr Member kMeshoptPacking[] = {required(index("buffer", "buffers")),
                                       required(whole("count", 1, kMaxInt)),
                                       required(word("mode", kMeshoptModes)),
                                       word("filter", kMeshoptFilters)};
-constexpr Member kViewExtensions[] = {object(kMeshoptExtension, kMeshoptPacking)};
+constexpr Member kViewExtensions[] = {object(kMeshoptExtensions[0], kMeshoptPacking),
+                                      object(kMeshoptExtensions[1], kMeshoptPacking)};
 constexpr Member kView[] = {required(index("buffer", "buffers")), whole("byteOffset", 0, kMaxOffset),
                             required(whole("byteLength", 1, kMaxOffset)), whole("byteStride", 4, 252),
                             withheld(object("extensions", kViewExtensions))};
@@ -334,7 +331,7 @@ constexpr Member kAccessor[] = {index("bufferView", "bufferViews"),
                                 kComponentType,
                                 plain("normalized", Kind::kBoolean),
                                 required(whole("count", 1, kMaxInt)),
-                                required(word("type", kAccessorTypes)),
+                                required(text("type")),
                                 object("sparse", kSparse)};
 
 // --- meshes
@@ -440,7 +437,7 @@ constexpr Member kSkin[] = {text("name"), required(indices("joints", "nodes")),
 
 constexpr Member kBody[] = {withheld(objects("buffers", kBuffer)),
                             objects("bufferViews", kView, check_view),
-                            objects("accessors", kAccessor, check_component_type),
+                            objects("accessors", kAccessor, check_accessor),
                             objects("meshes", kMesh),
                             objects("nodes", kNode, check_extras),
                             index("scene", "scenes"),
@@ -451,6 +448,10 @@ constexpr Member kBody[] = {withheld(objects("buffers", kBuffer)),
                             withheld(objects("skins", kSkin))};  // tinygltf refuses those without bind matrices
 
 }  // namespace
+
+bool is_gltf_accessor_type(std::string_view type) {
+  return std::ranges::find(kAccessorTypes, type) != kAccessorTypes.end();
+}
 
 Result<json> check_gltf_json(const json& document, const GltfLimits& limits) {
   JsonCheck check(document, limits.work);

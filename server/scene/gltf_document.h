@@ -43,10 +43,13 @@ struct GltfBudget {
 // Every reference inside `json` and `model` is valid (gltf_check.cpp); the ranges of accessors are checked when they
 // are read.
 struct GltfDocument {
-  const nlohmann::json& json;                            // the whole document
-  WorkLimit::Part& work;                                 // of the thread that reads it
-  tinygltf::Model model = {};                            // of the checked members only
-  std::vector<std::span<const std::byte>> buffers = {};  // one per buffer, exactly byteLength long
+  const nlohmann::json& json;  // the whole document
+  WorkLimit::Part& work;       // of the thread that reads it
+  tinygltf::Model model = {};  // of the checked members only
+  // One per buffer, exactly byteLength long. A buffer whose bytes could not be had is empty.
+  std::vector<std::span<const std::byte>> buffers = {};
+  // Why, by buffer. It is no error until something reads from it: exporters leave placeholders behind.
+  std::map<size_t, Error> absent_buffers = {};
   // by buffer view: those that were packed and have been read
   std::map<size_t, std::span<const std::byte>> unpacked_views = {};
   std::deque<std::vector<std::byte>> owned = {};  // bytes of buffers and views that are not in the file itself
@@ -54,6 +57,12 @@ struct GltfDocument {
   GltfBudget budget = {};
   GltfWarnings warnings = {};
 };
+
+inline Result<std::span<const std::byte>> gltf_buffer_bytes(const GltfDocument& document, size_t buffer) {
+  if (const auto absent = document.absent_buffers.find(buffer); absent != document.absent_buffers.end())
+    return tl::unexpected(absent->second);
+  return document.buffers[buffer];
+}
 
 // Fails when the work on the document has to end. Between parts that are long.
 inline Status go_on(GltfDocument& document) {

@@ -129,9 +129,49 @@ class Unpacking {
     return out;
   }
 
-  const draco::PointAttribute* attribute(uint32_t unique_id) const { return mesh_.GetAttributeByUniqueId(unique_id); }
+  // The attribute of the stream that the extension's object gives this name; null for none.
+  const draco::PointAttribute* attribute(const tinygltf::Value& packing, const std::string& name) const {
+    const tinygltf::Value& ids = packing.Get("attributes");
+    if (!ids.Has(name)) return nullptr;
+    return mesh_.GetAttributeByUniqueId(static_cast<uint32_t>(ids.Get(name).GetNumberAsInt()));
+  }
+
+  // For each vertex, in memory.
+  static size_t influence_bytes(const tinygltf::Value& packing) {
+    size_t sets = 0;
+    while (sets < kMostGltfInfluences && packing.Get("attributes").Has("JOINTS_" + std::to_string(sets))) ++sets;
+    return sets * 2 * 4 * sizeof(float);
+  }
+
+  Result<std::vector<GltfInfluences>> take_influences(const tinygltf::Value& packing) const {
+    std::vector<GltfInfluences> sets;
+    while (sets.size() < kMostGltfInfluences) {
+      const std::string number = std::to_string(sets.size());
+      if (!packing.Get("attributes").Has("JOINTS_" + number)) break;
+      auto joints = take_fours(packing, "JOINTS_" + number), weights = take_fours(packing, "WEIGHTS_" + number);
+      if (!joints) return tl::unexpected(std::move(joints.error()));
+      if (!weights) return tl::unexpected(std::move(weights.error()));
+      sets.push_back({std::move(*joints), std::move(*weights)});
+    }
+    return sets;
+  }
 
  private:
+  // Four numbers for each vertex.
+  Result<std::vector<float>> take_fours(const tinygltf::Value& packing, const std::string& name) const {
+    const draco::PointAttribute* source = attribute(packing, name);
+    if (!source) return invalid(field_ + ".attributes." + name, "names no attribute of the stream");
+    if (source->num_components() != 4) return invalid(field_ + ".attributes." + name, "must have four components");
+    std::vector<float> values(4 * size_t{mesh_.num_points()});
+    for (uint32_t i = 0; i < mesh_.num_points(); ++i) {
+      const draco::AttributeValueIndex value = source->mapped_index(draco::PointIndex(i));
+      if (value.value() >= source->size()) return damaged("maps a vertex to no value");
+      if (!source->ConvertValue<float>(value, 4, &values[4 * size_t{i}]))
+        return damaged(name + " holds what is no number");
+    }
+    return values;
+  }
+
   draco::DecoderBuffer start() const {
     draco::DecoderBuffer buffer;
     buffer.Init(reinterpret_cast<const char*>(bytes_.data()), bytes_.size());
@@ -171,7 +211,7 @@ const tinygltf::Value* draco_packing(const tinygltf::Primitive& primitive) {
   return found == primitive.extensions.end() ? nullptr : &found->second;
 }
 
-Result<DracoMesh> unpack_draco(GltfDocument& document, const tinygltf::Value& packing, int position,
+Result<DracoMesh> unpack_draco(GltfDocument& document, const tinygltf::Value& packing, int position, bool skinned,
                                size_t max_triangles, const std::string& primitive_field) {
   const std::string field = primitive_field + ".extensions." + kDracoExtension;
   const auto bytes = gltf_view_bytes(document, static_cast<size_t>(packing.Get("bufferView").GetNumberAsInt()));
@@ -182,8 +222,15 @@ Result<DracoMesh> unpack_draco(GltfDocument& document, const tinygltf::Value& pa
   if (!taken) return tl::unexpected(taken.error());
   if (const Status s = GltfBudget::take(document.budget.unpacked_bytes, *taken, field, "unpacked bytes"); !s)
     return tl::unexpected(s.error());
-  const auto id = static_cast<uint32_t>(packing.Get("attributes").Get("POSITION").GetNumberAsInt());
-  return unpacking.take(unpacking.attribute(id), accessor.componentType);
+  auto mesh = unpacking.take(unpacking.attribute(packing, "POSITION"), accessor.componentType);
+  if (!mesh || !skinned) return mesh;
+  const size_t more = Unpacking::influence_bytes(packing) * mesh->vertex_count;
+  if (const Status s = GltfBudget::take(document.budget.unpacked_bytes, more, field, "unpacked bytes"); !s)
+    return tl::unexpected(s.error());
+  auto influences = unpacking.take_influences(packing);
+  if (!influences) return tl::unexpected(std::move(influences.error()));
+  mesh->influences = std::move(*influences);
+  return mesh;
 }
 
 }  // namespace sightline

@@ -1,5 +1,6 @@
 #include "server/scene/gltf_json.h"
 
+#include <cmath>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -8,6 +9,14 @@ namespace sightline {
 namespace {
 
 using nlohmann::json;
+
+// JSON has one kind of number: 12.0 and 1.2e1 are the index 12. Beyond 2^53 a double need not be the number that was
+// written.
+json whole_or_not(double value) {
+  constexpr double kMostExact = 9007199254740992.0;
+  if (value != std::floor(value) || std::abs(value) > kMostExact || std::signbit(value)) return value;
+  return static_cast<uint64_t>(value);
+}
 
 // Builds the document while the text is parsed. The library's own way to look at each value meanwhile, a callback, goes
 // through all siblings again at the end of every container, which takes time that grows with the square of the text's
@@ -20,7 +29,7 @@ class Builder final : public json::json_sax_t {
   bool boolean(bool value) override { return add(value); }
   bool number_integer(number_integer_t value) override { return add(value); }
   bool number_unsigned(number_unsigned_t value) override { return add(value); }
-  bool number_float(number_float_t value, const string_t&) override { return add(value); }
+  bool number_float(number_float_t value, const string_t&) override { return add(whole_or_not(value)); }
   bool string(string_t& value) override { return add(std::move(value)); }
   bool binary(binary_t&) override { return false; }  // JSON has none
   bool start_object(std::size_t) override { return open(json::object()); }

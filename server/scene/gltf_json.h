@@ -16,10 +16,14 @@ namespace sightline {
 Result<nlohmann::json> parse_gltf_json(std::string_view text, const GltfLimits& limits);
 
 // Checks types, lengths and references. After success every index in the document refers to something that exists.
-// Every number that the reader uses is finite and in range. A version other than 2.x and a required extension that is
-// not supported are kUnsupported. Returns the copy for tinygltf: no buffers, images, URIs or extras, and of the
-// extensions only those that describe geometry.
+// Every number that the reader uses is finite and in range. A version (`version`, `minVersion`) other than 2.x and a
+// required extension that is not supported are kUnsupported. Returns the copy for tinygltf: no buffers, images, URIs or
+// extras, and of the extensions only those that describe geometry.
 Result<nlohmann::json> check_gltf_json(const nlohmann::json& document, const GltfLimits& limits);
+
+// The words that an accessor's `type` may be. Another one is no error until something reads the accessor: it may belong
+// to an extension. The copy has "SCALAR" in its place.
+bool is_gltf_accessor_type(std::string_view type);
 
 // tinygltf refuses indices whose accessor has no buffer view, which a sparse one need not have; so the copy lists them
 // among the attributes, under this name.

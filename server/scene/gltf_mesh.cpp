@@ -1,5 +1,6 @@
 // Converts primitives to triangles (glTF 2.0 section 3.7.2). All primitives of a mesh become one geometry, the
 // occluding ones first; only vertices that a triangle uses are kept.
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <numeric>
@@ -25,14 +26,29 @@ struct Triangles {
   std::vector<uint32_t> indices;
 };
 
-bool is_see_through(const tinygltf::Model& model, const tinygltf::Primitive& primitive) {
-  if (primitive.material < 0) return false;
-  const tinygltf::Material& material = model.materials[static_cast<size_t>(primitive.material)];
+bool is_see_through(const tinygltf::Material& material) {
   const auto transmission = material.extensions.find("KHR_materials_transmission");
   if (transmission != material.extensions.end() && transmission->second.Has("transmissionFactor") &&
       1.0 - transmission->second.Get("transmissionFactor").GetNumberAsDouble() < static_cast<double>(kOccludingOpacity))
     return true;
   return material.alphaMode == "BLEND" && material.pbrMetallicRoughness.baseColorFactor[3] < kOccludingOpacity;
+}
+
+// Whether a material is double-sided changes no answer of the daemon, so a wrong value counts as the default.
+void read_materials(const GltfDocument& document, SceneAsset& asset) {
+  for (size_t i = 0; i < document.model.materials.size(); ++i) {
+    const nlohmann::json& json = document.json["materials"][i];
+    const auto sides = json.find("doubleSided");
+    const tinygltf::Material& material = document.model.materials[i];
+    asset.materials.push_back({material.name, is_see_through(material), sides != json.end() && *sides == true});
+  }
+}
+
+// A primitive without a material has glTF's default one, which is drawn from the front alone.
+bool is_double_sided(const tinygltf::Mesh& mesh, const SceneAsset& asset) {
+  return std::ranges::all_of(mesh.primitives, [&](const tinygltf::Primitive& primitive) {
+    return primitive.material >= 0 && asset.materials[static_cast<size_t>(primitive.material)].double_sided;
+  });
 }
 
 // What only a texture makes transparent is not known: textures are not read.
@@ -44,14 +60,13 @@ void warn_of_masks(GltfDocument& document) {
           ".alphaMode: what a texture masks hides as if it were solid; switch `occludes` off where that matters");
 }
 
-// How many triangles `count` vertices make; an Error when the count does not suit the mode.
-Result<size_t> triangles_of(int mode, size_t count, const std::string& field) {
-  if (mode == TINYGLTF_MODE_TRIANGLES) {
-    if (count % 3 != 0) return invalid(field, "triangles need a multiple of 3 vertices, got " + std::to_string(count));
-    return count / 3;
-  }
-  if (count < 3) return invalid(field, "a strip or fan needs 3 vertices, got " + std::to_string(count));
-  return count - 2;
+// How many triangles `count` vertices make. An incomplete one is left out with a warning.
+size_t triangles_of(int mode, size_t count, const std::string& field, GltfWarnings& warnings) {
+  const bool separate = mode == TINYGLTF_MODE_TRIANGLES;
+  if (separate ? count % 3 != 0 : count < 3)
+    warnings.add(field + ": " + std::to_string(count) +
+                 " vertices do not make whole triangles; the incomplete one is left out");
+  return separate ? count / 3 : count < 3 ? 0 : count - 2;
 }
 
 // Positions of the corners of triangle `t` in the vertex sequence, in the counter-clockwise order of the specification.
@@ -92,21 +107,21 @@ struct Corners {
   size_t triangle_count = 0;
   std::vector<glm::vec3> positions;
   std::vector<uint32_t> sequence;
+  std::vector<GltfInfluences> influences = {};  // where they are packed with the mesh
 };
 
 // Appends the triangles, copying each used vertex once, in its original order.
 void append(Corners from, Triangles& out) {
-  const auto& [mode, triangle_count, positions, sequence] = from;
   constexpr uint32_t kUnused = UINT32_MAX;
-  std::vector<uint32_t> place(positions.size(), kUnused);
-  for (const uint32_t vertex : sequence) place[vertex] = 0;
-  for (size_t vertex = 0; vertex < positions.size(); ++vertex) {
+  std::vector<uint32_t> place(from.positions.size(), kUnused);
+  for (const uint32_t vertex : from.sequence) place[vertex] = 0;
+  for (size_t vertex = 0; vertex < from.positions.size(); ++vertex) {
     if (place[vertex] == kUnused) continue;
     place[vertex] = static_cast<uint32_t>(out.positions.size());
-    out.positions.push_back(positions[vertex]);
+    out.positions.push_back(from.positions[vertex]);
   }
-  for (size_t t = 0; t < triangle_count; ++t)
-    for (const size_t corner : corners(mode, t)) out.indices.push_back(place[sequence[corner]]);
+  for (size_t t = 0; t < from.triangle_count; ++t)
+    for (const size_t corner : corners(from.mode, t)) out.indices.push_back(place[from.sequence[corner]]);
 }
 
 // Applies the limits before any of the primitive's data is read. Returns the number of its triangles.
@@ -114,9 +129,9 @@ Result<size_t> plan_primitive(GltfDocument& document, int mode, int position, in
   const auto& accessors = document.model.accessors;
   const size_t vertices = accessors[static_cast<size_t>(position)].count;
   const size_t length = indices >= 0 ? accessors[static_cast<size_t>(indices)].count : vertices;
-  const auto triangles = triangles_of(mode, length, field + (indices >= 0 ? ".indices" : ".attributes.POSITION"));
-  if (!triangles) return triangles;
-  if (const Status s = GltfBudget::take(document.budget.triangles, *triangles, field, "triangles"); !s)
+  const size_t triangles = triangles_of(mode, length, field + (indices >= 0 ? ".indices" : ".attributes.POSITION"),
+                                        document.warnings);
+  if (const Status s = GltfBudget::take(document.budget.triangles, triangles, field, "triangles"); !s)
     return tl::unexpected(s.error());
   if (const Status s = GltfBudget::take(document.budget.vertices, vertices, field, "vertices"); !s)
     return tl::unexpected(s.error());
@@ -128,14 +143,15 @@ Status read_accessors(GltfDocument& document, int position, int indices, const s
   if (!positions) return tl::unexpected(std::move(positions.error()));
   auto sequence = read_sequence(document, indices, positions->size(), field + ".indices");
   if (!sequence) return tl::unexpected(std::move(sequence.error()));
+  if (out.mode == TINYGLTF_MODE_TRIANGLES) sequence->resize(3 * out.triangle_count);
   out.positions = std::move(*positions);
   out.sequence = std::move(*sequence);
   return {};
 }
 
-Status read_draco(GltfDocument& document, const tinygltf::Value& packing, int position, const std::string& field,
-                  Corners& out) {
-  auto unpacked = unpack_draco(document, packing, position, out.triangle_count, field);
+Status read_draco(GltfDocument& document, const tinygltf::Value& packing, int position, bool skinned,
+                  const std::string& field, Corners& out) {
+  auto unpacked = unpack_draco(document, packing, position, skinned, out.triangle_count, field);
   if (!unpacked) return tl::unexpected(std::move(unpacked.error()));
   auto positions = read_gltf_positions(document, position, unpacked->positions, field + ".attributes.POSITION");
   if (!positions) return tl::unexpected(std::move(positions.error()));
@@ -143,6 +159,7 @@ Status read_draco(GltfDocument& document, const tinygltf::Value& packing, int po
   out.triangle_count = unpacked->indices.size() / 3;
   out.positions = std::move(*positions);
   out.sequence = std::move(unpacked->indices);
+  out.influences = std::move(unpacked->influences);
   return {};
 }
 
@@ -151,15 +168,20 @@ Status read_triangles(GltfDocument& document, const tinygltf::Primitive& primiti
   const int indices = accessor_of(primitive, kIndicesAttribute);
   const auto planned = plan_primitive(document, primitive.mode, position, indices, field);
   if (!planned) return tl::unexpected(planned.error());
+  if (*planned == 0) return {};
   Corners corners{primitive.mode, *planned, {}, {}};
   const tinygltf::Value* packing = draco_packing(primitive);
-  const Status read = packing ? read_draco(document, *packing, position, field, corners)
+  const Status read = packing ? read_draco(document, *packing, position, skin != nullptr, field, corners)
                               : read_accessors(document, position, indices, field, corners);
   if (!read) return read;
-  if (skin && packing)
-    document.warnings.add(field + ": is packed by Draco, and drawn without its skin");
-  else if (skin)
-    if (const Status s = apply_gltf_skin(document, *skin, primitive, field, corners.positions); !s) return s;
+  if (skin) {
+    const auto set_of = [&](size_t set) -> Result<std::optional<GltfInfluences>> {
+      if (!packing) return read_gltf_influences(document, primitive, set, corners.positions.size(), field);
+      if (set < corners.influences.size()) return std::move(corners.influences[set]);
+      return std::nullopt;
+    };
+    if (const Status s = apply_gltf_skin(document, *skin, set_of, field, corners.positions); !s) return s;
+  }
   if (const Status s = check_positions(corners.positions, field + ".attributes.POSITION"); !s) return s;
   if (const Status s = check_sequence(corners.sequence, corners.positions.size(), field + ".indices"); !s) return s;
   append(std::move(corners), out);
@@ -192,12 +214,14 @@ MeshData join(Triangles occluding, const Triangles& see_through) {
 }
 
 // Joins all primitives; the result has no indices when none of them has triangles.
-Result<MeshData> read_mesh(GltfDocument& document, const tinygltf::Mesh& mesh, const GltfSkin* skin,
-                           const std::string& field) {
+Result<MeshData> read_mesh(GltfDocument& document, const SceneAsset& asset, const tinygltf::Mesh& mesh,
+                           const GltfSkin* skin, const std::string& field) {
   Triangles occluding, see_through;
   for (size_t i = 0; i < mesh.primitives.size(); ++i) {
     if (document.work.ends(256)) return tl::unexpected(document.work.limit()->error());
-    Triangles& out = is_see_through(document.model, mesh.primitives[i]) ? see_through : occluding;
+    const int material = mesh.primitives[i].material;
+    const bool hides = material < 0 || !asset.materials[static_cast<size_t>(material)].see_through;
+    Triangles& out = hides ? occluding : see_through;
     const Status status = read_primitive(document, mesh.primitives[i], skin, field + "." + gltf_path("primitives", i),
                                          out);
     if (!status) return tl::unexpected(status.error());
@@ -244,10 +268,12 @@ Status read_skinned(GltfDocument& document, const std::vector<int>& asset_node_o
     const auto skin = read_gltf_skin(document, i, asset_node_of, world_from_node, field);
     if (!skin) return tl::unexpected(skin.error());
     const auto mesh = static_cast<size_t>(node.mesh);
-    auto data = read_mesh(document, document.model.meshes[mesh], *skin ? &**skin : nullptr, gltf_path("meshes", mesh));
+    auto data = read_mesh(document, asset, document.model.meshes[mesh], *skin ? &**skin : nullptr,
+                          gltf_path("meshes", mesh));
     if (!data) return tl::unexpected(std::move(data.error()));
     asset.nodes[static_cast<size_t>(asset_node_of[i])].mesh = static_cast<int>(read.size());
     asset.mesh_names.push_back(document.model.meshes[mesh].name);
+    asset.mesh_double_sided.push_back(is_double_sided(document.model.meshes[mesh], asset));
     read.push_back({std::move(*data), gltf_path("meshes", mesh)});
   }
   return {};
@@ -259,14 +285,16 @@ Status read_gltf_meshes(GltfDocument& document, GeometryStore& store, const std:
                         SceneAsset& asset) {
   const auto& meshes = document.model.meshes;
   warn_of_masks(document);
+  read_materials(document, asset);
   const std::vector<bool> plain = meshes_without_skin(document.model);
   std::vector<ReadMesh> read;
   for (size_t i = 0; i < meshes.size(); ++i) {
     Result<MeshData> mesh = MeshData{};
-    if (plain[i]) mesh = read_mesh(document, meshes[i], nullptr, gltf_path("meshes", i));
+    if (plain[i]) mesh = read_mesh(document, asset, meshes[i], nullptr, gltf_path("meshes", i));
     if (!mesh) return tl::unexpected(std::move(mesh.error()));
     read.push_back({std::move(*mesh), gltf_path("meshes", i)});
     asset.mesh_names.push_back(meshes[i].name);
+    asset.mesh_double_sided.push_back(is_double_sided(meshes[i], asset));
   }
   if (const Status s = read_skinned(document, asset_node_of, asset, read); !s) return s;
   std::vector<Result<std::shared_ptr<const Geometry>>> built(read.size());

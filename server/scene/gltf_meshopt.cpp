@@ -10,7 +10,8 @@ namespace {
 
 using nlohmann::json;
 
-constexpr size_t kTailBytes = 32;  // of the attribute codec, at least
+constexpr std::byte kAttributeCodec1{0xA1};  // the first byte of its streams
+constexpr size_t kTailBytes = 32;            // of the attribute codec, at least
 
 struct Stream {
   std::span<const std::byte> bytes;
@@ -46,41 +47,50 @@ void apply_filter(const Stream& stream, std::vector<std::byte>& out) {
 }
 
 Result<Stream> stream_of(const json& packing, const GltfDocument& document, const std::string& field) {
-  const std::span<const std::byte> buffer = document.buffers[packing["buffer"].get<size_t>()];
+  const auto buffer = gltf_buffer_bytes(document, packing["buffer"].get<size_t>());
+  if (!buffer) return tl::unexpected(buffer.error());
   const size_t offset = packing.value("byteOffset", size_t{0}), length = packing["byteLength"].get<size_t>();
-  if (offset > buffer.size() || length > buffer.size() - offset)
+  if (offset > buffer->size() || length > buffer->size() - offset)
     return fail(ErrorCode::kDataLoss, field, "reaches beyond its buffer");
-  return Stream{buffer.subspan(offset, length), packing["count"].get<size_t>(), packing["byteStride"].get<size_t>(),
+  return Stream{buffer->subspan(offset, length), packing["count"].get<size_t>(), packing["byteStride"].get<size_t>(),
                 packing["mode"].get<std::string>(), packing.value("filter", std::string("NONE"))};
 }
 
 }  // namespace
 
-const json* meshopt_packing(const json& view) {
+std::optional<MeshoptPacking> meshopt_packing(const json& view) {
   const auto extensions = view.find("extensions");
-  if (extensions == view.end()) return nullptr;
-  const auto packing = extensions->find(kMeshoptExtension);
-  return packing == extensions->end() ? nullptr : &*packing;
+  if (extensions == view.end()) return std::nullopt;
+  for (const char* name : kMeshoptExtensions)
+    if (const auto members = extensions->find(name); members != extensions->end())
+      return MeshoptPacking{name, &*members};
+  return std::nullopt;
 }
 
 std::vector<bool> meshopt_fallback_buffers(const json& document) {
   if (!document.contains("buffers") || !document.contains("bufferViews")) return {};
   std::vector<bool> covered(document["buffers"].size(), false), needed(covered.size(), false);
   for (const json& view : document["bufferViews"]) {
-    const json* packing = meshopt_packing(view);
+    const auto packing = meshopt_packing(view);
     (packing ? covered : needed)[view["buffer"].get<size_t>()] = true;
-    if (packing) needed[(*packing)["buffer"].get<size_t>()] = true;
+    if (packing) needed[(*packing->members)["buffer"].get<size_t>()] = true;
   }
   for (size_t i = 0; i < covered.size(); ++i) covered[i] = covered[i] && !needed[i];
   return covered;
 }
 
-Result<std::span<const std::byte>> unpack_meshopt_view(GltfDocument& document, size_t view, const json& packing) {
+Result<std::span<const std::byte>> unpack_meshopt_view(GltfDocument& document, size_t view,
+                                                       const MeshoptPacking& packing) {
   if (const auto done = document.unpacked_views.find(view); done != document.unpacked_views.end()) return done->second;
-  const std::string field = gltf_path("bufferViews", view).append(".extensions.").append(kMeshoptExtension);
-  const auto stream = stream_of(packing, document, field);
+  const std::string field = gltf_path("bufferViews", view).append(".extensions.").append(packing.extension);
+  const auto stream = stream_of(*packing.members, document, field);
   if (!stream) return tl::unexpected(stream.error());
   const auto damaged = fail(ErrorCode::kDataLoss, field, "is damaged: it does not unpack to what the view says");
+  if (stream->mode == "ATTRIBUTES" && stream->bytes[0] == kAttributeCodec1)
+    return fail(
+        ErrorCode::kUnsupported, field,
+        "is packed by version 1 of the attribute codec; pack it as EXT_meshopt_compression, which has version 0");
+  if (stream->filter == "COLOR") return fail(ErrorCode::kUnsupported, field + ".filter", "COLOR is not supported");
   if (stream->bytes.size() < shortest_stream(*stream)) return damaged;
   const size_t size = stream->count * stream->stride;
   if (const Status s = GltfBudget::take(document.budget.unpacked_bytes, size, field, "unpacked bytes"); !s)

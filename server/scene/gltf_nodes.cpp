@@ -1,4 +1,5 @@
 // Cameras and the node hierarchy (glTF 2.0 sections 3.5 and 3.10, EXT_mesh_gpu_instancing).
+#include <algorithm>
 #include <cmath>
 #include <optional>
 
@@ -8,6 +9,7 @@
 namespace sightline {
 namespace {
 
+constexpr double kMatrixRounding = 1e-5;      // of products in single precision
 constexpr double kMaxWorldCoordinate = 1e12;  // of any axis or origin in the world, metres
 
 // A rotation whose length is not 1 is normalised; false when it has no direction at all.
@@ -35,8 +37,9 @@ bool decompose(const Affine& a, AssetNode& node) {
 }
 
 Status read_matrix(const std::vector<double>& m, const std::string& field, GltfWarnings& warnings, AssetNode& node) {
-  if (m[3] != 0.0 || m[7] != 0.0 || m[11] != 0.0 || m[15] != 1.0)
-    return invalid(field + ".matrix", "must have the last row 0 0 0 1");
+  const double departure = std::max({std::abs(m[3]), std::abs(m[7]), std::abs(m[11]), std::abs(m[15] - 1.0)});
+  if (!(departure <= kMatrixRounding)) return invalid(field + ".matrix", "must have the last row 0 0 0 1");
+  if (departure > 0.0) warnings.add(field + ".matrix: its last row is 0 0 0 1 but for rounding, and is taken as that");
   node.parent_from_node = Affine(m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10], m[12], m[13], m[14]);
   if (!decompose(node.parent_from_node, node)) {
     node.decomposed = false;

@@ -8,7 +8,7 @@
 namespace sightline {
 namespace {
 
-constexpr size_t kJointsInSet = 4, kMostSets = 8;
+constexpr size_t kJointsInSet = 4;
 
 Affine affine_of(const float* columns) {
   Affine a;
@@ -20,30 +20,6 @@ Affine affine_of(const float* columns) {
 bool is_invertible(const Affine& a) {
   const double volume = std::abs(glm::determinant(glm::dmat3(a[0], a[1], a[2])));
   return volume > 0.0 && std::isfinite(1.0 / volume);
-}
-
-// Joints and weights of one set of four for each vertex.
-struct Influences {
-  std::vector<float> joints, weights;
-};
-
-Result<std::optional<Influences>> read_set(GltfDocument& document, const tinygltf::Primitive& primitive, size_t set,
-                                           size_t vertices, const std::string& field) {
-  const std::string number = std::to_string(set), joints_key = "JOINTS_" + number, weights_key = "WEIGHTS_" + number;
-  const auto joints = primitive.attributes.find(joints_key), weights = primitive.attributes.find(weights_key);
-  if (joints == primitive.attributes.end()) return std::nullopt;
-  const std::string joints_field = field + ".attributes." + joints_key,
-                    weights_field = field + ".attributes." + weights_key;
-  if (weights == primitive.attributes.end()) return invalid(weights_field, "is required beside " + joints_key);
-  auto which = read_gltf_floats(document, joints->second, kJointsInSet, GltfComponents::kFloatOrAnyInteger,
-                                joints_field);
-  if (!which) return tl::unexpected(std::move(which.error()));
-  auto shares = read_gltf_floats(document, weights->second, kJointsInSet, GltfComponents::kFloatOrNormalized,
-                                 weights_field);
-  if (!shares) return tl::unexpected(std::move(shares.error()));
-  if (which->size() != kJointsInSet * vertices) return invalid(joints_field, "must be as many as the positions");
-  if (shares->size() != kJointsInSet * vertices) return invalid(weights_field, "must be as many as the positions");
-  return Influences{std::move(*which), std::move(*shares)};
 }
 
 }  // namespace
@@ -81,13 +57,32 @@ Result<std::optional<GltfSkin>> read_gltf_skin(GltfDocument& document, size_t no
   return skin;
 }
 
-Status apply_gltf_skin(GltfDocument& document, const GltfSkin& skin, const tinygltf::Primitive& primitive,
+Result<std::optional<GltfInfluences>> read_gltf_influences(GltfDocument& document, const tinygltf::Primitive& primitive,
+                                                           size_t set, size_t vertices, const std::string& field) {
+  const std::string number = std::to_string(set), joints_key = "JOINTS_" + number, weights_key = "WEIGHTS_" + number;
+  const auto joints = primitive.attributes.find(joints_key), weights = primitive.attributes.find(weights_key);
+  if (joints == primitive.attributes.end()) return std::nullopt;
+  const std::string joints_field = field + ".attributes." + joints_key,
+                    weights_field = field + ".attributes." + weights_key;
+  if (weights == primitive.attributes.end()) return invalid(weights_field, "is required beside " + joints_key);
+  auto which = read_gltf_floats(document, joints->second, kJointsInSet, GltfComponents::kFloatOrAnyInteger,
+                                joints_field);
+  if (!which) return tl::unexpected(std::move(which.error()));
+  auto shares = read_gltf_floats(document, weights->second, kJointsInSet, GltfComponents::kFloatOrNormalized,
+                                 weights_field);
+  if (!shares) return tl::unexpected(std::move(shares.error()));
+  if (which->size() != kJointsInSet * vertices) return invalid(joints_field, "must be as many as the positions");
+  if (shares->size() != kJointsInSet * vertices) return invalid(weights_field, "must be as many as the positions");
+  return GltfInfluences{std::move(*which), std::move(*shares)};
+}
+
+Status apply_gltf_skin(GltfDocument& document, const GltfSkin& skin, const GltfInfluenceSource& sets,
                        const std::string& field, std::vector<glm::vec3>& positions) {
   std::vector<glm::dvec3> sums(positions.size(), glm::dvec3(0.0));
   std::vector<double> weights(positions.size(), 0.0);
   std::vector<size_t> first(positions.size(), 0);
-  for (size_t set = 0; set < kMostSets; ++set) {
-    const auto influences = read_set(document, primitive, set, positions.size(), field);
+  for (size_t set = 0; set < kMostGltfInfluences; ++set) {
+    const auto influences = sets(set);
     if (!influences) return tl::unexpected(influences.error());
     if (!*influences && set > 0) break;
     if (!*influences) {

@@ -2,76 +2,17 @@
 
 #include <algorithm>
 #include <cassert>
-#include <cmath>
+
+#include "server/scene/box_ray.h"
+#include "server/scene/crossings.h"
 
 namespace sightline {
 namespace {
 
 constexpr float kMiss = std::numeric_limits<float>::infinity();
 
-// 1 / x, finite, so that no product with it is undefined.
-double inverse_of(double x) {
-  constexpr double kLeast = 1e-30;
-  return 1.0 / (std::abs(x) < kLeast ? std::copysign(kLeast, x) : x);
-}
-
-// A ray in the mesh frame, as boxes are tested with it.
-struct BoxRay {
-  glm::dvec3 origin, inverse;  // 1 / direction
-
-  BoxRay(const glm::dvec3& origin_m, const glm::dvec3& direction)
-      : origin(origin_m), inverse(inverse_of(direction.x), inverse_of(direction.y), inverse_of(direction.z)) {}
-
-  // The distance at which the box is entered, 0 from inside; infinity when it is missed.
-  double enters(const Aabb& box) const {
-    double first = 0.0, last = std::numeric_limits<double>::infinity();
-    for (int axis = 0; axis < 3; ++axis) {
-      const double a = (box.min[axis] - origin[axis]) * inverse[axis];
-      const double b = (box.max[axis] - origin[axis]) * inverse[axis];
-      first = std::max(first, std::min(a, b));
-      last = std::min(last, std::max(a, b));
-    }
-    return first <= last ? first : std::numeric_limits<double>::infinity();
-  }
-};
-
 // Crossings from this part of the line on do not count.
 constexpr double kBeforeEnd = 1.0 - 1e-6;
-
-// Moeller & Trumbore, as in RayCaster, for one triangle in double precision.
-bool crosses_triangle(const Geometry& geometry, uint32_t first_index, const glm::dvec3& from_m,
-                      const glm::dvec3& way_m) {
-  const auto corner = [&](uint32_t k) { return glm::dvec3(geometry.positions[geometry.indices[first_index + k]]); };
-  const glm::dvec3 a = corner(0), ab = corner(1) - a, ac = corner(2) - a;
-  const glm::dvec3 p = glm::cross(way_m, ac), s = from_m - a, q = glm::cross(s, ab);
-  const double inverse_det = 1.0 / glm::dot(ab, p);
-  const double u = glm::dot(s, p) * inverse_det, v = glm::dot(way_m, q) * inverse_det,
-               t = glm::dot(ac, q) * inverse_det;
-  // false for an edge-on triangle, where they are not numbers
-  return u >= 0 && v >= 0 && u + v <= 1 && t >= 0 && t < kBeforeEnd;
-}
-
-bool crosses_tree(const Geometry& geometry, const TriangleTree& tree, const glm::dvec3& from_m,
-                  const glm::dvec3& way_m) {
-  if (tree.empty()) return false;
-  const BoxRay ray(from_m, way_m);
-  std::array<uint32_t, kMaxTreeDepth + 1> stack;
-  size_t depth = 0;
-  stack[depth++] = 0;
-  while (depth > 0) {
-    const uint32_t at = stack[--depth];
-    const TreeNode& node = tree[at];
-    if (!(ray.enters(node.bounds) < kBeforeEnd)) continue;
-    if (!node.is_leaf()) {
-      assert(depth + 2 <= stack.size());
-      stack[depth++] = node.right, stack[depth++] = at + 1;
-      continue;
-    }
-    for (uint32_t i = node.first_index; i < node.first_index + node.index_count; i += 3)
-      if (crosses_triangle(geometry, i, from_m, way_m)) return true;
-  }
-  return false;
-}
 
 }  // namespace
 
@@ -178,9 +119,12 @@ void RayCaster::test_cluster(const TreeNode& leaf, const Ray& ray, Nearest& near
 }
 
 bool crosses(const Geometry& geometry, const glm::dvec3& from_m, const glm::dvec3& to_m) {
-  const glm::dvec3 way_m = to_m - from_m;
-  return crosses_tree(geometry, geometry.occluding, from_m, way_m) ||
-         crosses_tree(geometry, geometry.see_through, from_m, way_m);
+  bool crossed = false;
+  visit_crossings(geometry, from_m, to_m - from_m, kBeforeEnd, [&](const Crossing&) {
+    crossed = true;
+    return false;
+  });
+  return crossed;
 }
 
 }  // namespace sightline

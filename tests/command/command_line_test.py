@@ -17,6 +17,7 @@ COMMANDS = {
     "evaluate": (),
     "bench": (),
     "scene": ("FILE",),
+    "check": ("FILE", "--plan", "NEW"),
     "info": ("FILE",),
     "verify": ("FILE",),
     "recover": ("FILE", "--out", "NEW"),
@@ -123,7 +124,7 @@ class CommandLineTest(unittest.TestCase):
 
     def test_a_file_that_is_no_scene_is_an_error_and_not_a_crash(self):
         with tempfile.NamedTemporaryFile(suffix=".glb") as file:
-            for command in ("scene", "drive"):
+            for command in ("scene", "check", "drive"):
                 result = run(command, file.name)
                 self.assertEqual(result.returncode, 1, result.stdout)
                 self.assertTrue(result.stderr)

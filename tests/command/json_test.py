@@ -127,6 +127,19 @@ class Json(unittest.TestCase):
         self.assertTrue(all(low < high for low, high in zip(told["extents"]["min_m"], told["extents"]["max_m"])))
         self.assertEqual(run(SIGHTLINE, "scene", self.yard, "--json").returncode, NO)
 
+    def test_of_check(self):
+        plan = self.new("plan.png")
+        told = self.value("check", self.scene, "--plan", plan, "--strict", "--json")
+        self.assertEqual(told["warnings"], [])
+        self.assertEqual(told["roles"]["targets"], 2)
+        self.assertGreater(told["size_m"][0], 10)
+        self.assertIsNone(told["play"])
+        self.assertEqual(plan.read_bytes()[:4], b"\x89PNG")
+        played = self.value("check", self.scene, "--plan", "none", "--play", "--json")["play"]
+        self.assertFalse(played["wandered"], "the scene has roles")
+        self.assertGreater(played["pictures"], 0)
+        self.assertEqual(run(SIGHTLINE, "check", self.yard, "--plan", "none", "--json").returncode, NO)
+
     def test_of_info(self):
         first, second = self.values("info", "--json", self.yard, self.broken)
         self.assertTrue(first["finished"])

@@ -177,7 +177,7 @@ json& primitive0(GlbBuilder& f) {
 const Hostile kHostile[] = {
     {"NoAsset", [](auto& f) { f.json.erase("asset"); }, kInvalid, "asset"},
     {"OldVersion", [](auto& f) { f.json["asset"]["version"] = "1.0"; }, ErrorCode::kUnsupported, "asset.version"},
-    {"NewMinVersion", [](auto& f) { f.json["asset"]["minVersion"] = "2.1"; }, ErrorCode::kUnsupported,
+    {"NewMinVersion", [](auto& f) { f.json["asset"]["minVersion"] = "3.0"; }, ErrorCode::kUnsupported,
      "asset.minVersion"},
     {"NodesNotAnArray", [](auto& f) { f.json["nodes"] = 3; }, kInvalid, "nodes"},
     {"NodeNotAnObject", [](auto& f) { f.json["nodes"][1] = 3; }, kInvalid, "nodes[1]"},
@@ -311,17 +311,6 @@ const Hostile kHostile[] = {
        primitive0(f)["indices"] = f.template accessor<uint8_t>({0, 255, 2}, "SCALAR", kUnsignedByte);
      },
      kInvalid, "meshes[0].primitives[0].indices[1]"},
-    {"FourCornersOfTriangles",
-     [](auto& f) {
-       primitive0(f)["indices"] = f.template accessor<uint8_t>({0, 1, 2, 0}, "SCALAR", kUnsignedByte);
-     },
-     kInvalid, "meshes[0].primitives[0].indices"},
-    {"StripOfTwo",
-     [](auto& f) {
-       primitive0(f)["indices"] = f.template accessor<uint8_t>({0, 1}, "SCALAR", kUnsignedByte);
-       primitive0(f)["mode"] = 5;
-     },
-     kInvalid, "meshes[0].primitives[0].indices"},
     {"NanPosition",
      [](auto& f) {
        primitive0(f)["attributes"]["POSITION"] = f.floats({0, 0, 0, 1, std::nanf(""), 0, 0, 1, 0});
@@ -360,7 +349,8 @@ const Hostile kHostile[] = {
     {"BufferOfNothing", [](auto& f) { f.json["buffers"][0]["byteLength"] = 0; }, kInvalid, "buffers[0].byteLength"},
     {"SecondBufferWithoutUri",
      [](auto& f) {
-       f.json["buffers"] = json::array({{{"byteLength", 4}}, {{"byteLength", 4}}});
+       f.json["buffers"] = json::array({{{"byteLength", f.binary().size()}}, {{"byteLength", 36}}});
+       f.json["bufferViews"][0]["buffer"] = 1;
      },
      kInvalid, "buffers[1].uri"},
     {"FileWhereNoneIsAllowed",

@@ -24,6 +24,15 @@ void to_draco(const MeshData& mesh, draco::Mesh& out) {
                  draco::PointIndex(mesh.indices[i + 2])});
 }
 
+template <typename T>
+void add_fours(const std::vector<T>& values, draco::DataType type, draco::Mesh& out) {
+  draco::GeometryAttribute description;
+  description.Init(draco::GeometryAttribute::GENERIC, nullptr, 4, type, false, 4 * sizeof(T), 0);
+  const int id = out.AddAttribute(description, true, out.num_points());
+  for (uint32_t i = 0; i < out.num_points(); ++i)
+    out.attribute(id)->SetAttributeValue(draco::AttributeValueIndex(i), &values[4 * size_t{i}]);
+}
+
 }  // namespace
 
 MeshData hills(uint32_t n) {
@@ -62,13 +71,15 @@ std::vector<std::byte> meshopt_sequence(const std::vector<uint32_t>& indices, si
   return out;
 }
 
-std::vector<std::byte> draco_stream(const MeshData& mesh, const DracoOptions& options) {
+std::vector<std::byte> draco_stream(const MeshData& mesh, const DracoOptions& options, const DracoSkin& skin) {
   draco::Encoder encoder;
   encoder.SetEncodingMethod(options.edgebreaker ? draco::MESH_EDGEBREAKER_ENCODING : draco::MESH_SEQUENTIAL_ENCODING);
   if (options.quantization_bits > 0)
     encoder.SetAttributeQuantization(draco::GeometryAttribute::POSITION, options.quantization_bits);
   draco::Mesh source;
   to_draco(mesh, source);
+  if (!skin.joints.empty()) add_fours(skin.joints, draco::DT_UINT16, source);
+  if (!skin.weights.empty()) add_fours(skin.weights, draco::DT_FLOAT32, source);
   draco::EncoderBuffer buffer;
   if (!encoder.EncodeMeshToBuffer(source, &buffer).ok()) return {};
   const auto* first = reinterpret_cast<const std::byte*>(buffer.data());
@@ -100,12 +111,18 @@ int PackedFile::meshopt_node(const MeshData& mesh, size_t index_bytes) {
   return mesh_node({{"attributes", {{"POSITION", position}}}, {"indices", index}});
 }
 
-int PackedFile::draco_node(const MeshData& mesh, const DracoOptions& options) {
-  const int packed = view(draco_stream(mesh, options));
+int PackedFile::draco_node(const MeshData& mesh, const DracoOptions& options, const DracoSkin& skin) {
+  const int packed = view(draco_stream(mesh, options, skin));
   const int position = accessor_over(-1, mesh.positions.size(), "VEC3", kFloat);
   const int index = accessor_over(-1, mesh.indices.size(), "SCALAR", kUnsignedInt);
-  const nlohmann::json extension = {{"bufferView", packed}, {"attributes", {{"POSITION", 0}}}};
-  return mesh_node({{"attributes", {{"POSITION", position}}},
+  nlohmann::json extension = {{"bufferView", packed}, {"attributes", {{"POSITION", 0}}}};
+  nlohmann::json attributes = {{"POSITION", position}};
+  if (!skin.joints.empty()) {
+    extension["attributes"].update({{"JOINTS_0", 1}, {"WEIGHTS_0", 2}});
+    attributes["JOINTS_0"] = accessor_over(-1, mesh.positions.size(), "VEC4", kUnsignedShort);
+    attributes["WEIGHTS_0"] = accessor_over(-1, mesh.positions.size(), "VEC4", kFloat);
+  }
+  return mesh_node({{"attributes", std::move(attributes)},
                     {"indices", index},
                     {"extensions", {{"KHR_draco_mesh_compression", extension}}}});
 }

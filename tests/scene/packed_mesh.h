@@ -24,7 +24,12 @@ struct DracoOptions {
   bool edgebreaker = true;    // else sequential
   int quantization_bits = 0;  // 0: floats as they are
 };
-std::vector<std::byte> draco_stream(const MeshData& mesh, const DracoOptions& options);
+// Four joints and weights for each vertex, the attributes of unique ids 1 and 2.
+struct DracoSkin {
+  std::vector<uint16_t> joints;
+  std::vector<float> weights;
+};
+std::vector<std::byte> draco_stream(const MeshData& mesh, const DracoOptions& options, const DracoSkin& skin = {});
 
 // A glTF file whose views are packed. The buffer into which they unpack has no bytes in the file.
 class PackedFile : public GlbBuilder {
@@ -36,7 +41,7 @@ class PackedFile : public GlbBuilder {
   // meshoptimizer.
   int meshopt_node(const MeshData& mesh, size_t index_bytes);
   // The same, packed by Draco.
-  int draco_node(const MeshData& mesh, const DracoOptions& options);
+  int draco_node(const MeshData& mesh, const DracoOptions& options, const DracoSkin& skin = {});
   // The whole file; call it once all is added.
   std::vector<std::byte> packed_glb();
 

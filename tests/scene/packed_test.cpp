@@ -205,6 +205,52 @@ TEST(Meshopt, AViewThatNothingNeedsIsLeftPacked) {
   EXPECT_EQ(triangles_in(file.packed_glb()).size(), 32u);
 }
 
+// As if the file had been written with the extension's later name.
+void take_khronos_name(PackedFile& file) {
+  for (json& view : file.json["bufferViews"]) {
+    json& extensions = view["extensions"];
+    extensions["KHR_meshopt_compression"] = extensions["EXT_meshopt_compression"];
+    extensions.erase("EXT_meshopt_compression");
+  }
+  file.json["extensionsRequired"] = {"KHR_meshopt_compression"};
+}
+
+TEST(Meshopt, TheKhronosNameMeansTheSame) {
+  PackedFile file;
+  const MeshData mesh = hills(4);
+  file.meshopt_node(mesh, 2);
+  const std::vector<std::byte> nonsense(64, std::byte{0x55});
+  file.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = file.accessor_over(
+      file.packed_view(nonsense, 25, 4, "ATTRIBUTES", "COLOR"), 25, "VEC4", kUnsignedByte, true);
+  file.packed_glb();
+  take_khronos_name(file);
+  EXPECT_EQ(triangles_in(file.glb()), triangles_of(mesh));
+  file.json["bufferViews"][0]["extensions"]["KHR_meshopt_compression"]["count"] = 24;
+  EXPECT_EQ(error_of(file.glb()).field, "bufferViews[0].extensions.KHR_meshopt_compression");
+}
+
+// The KHR extension adds a second version of the attribute codec, and a filter for colours.
+TEST(Meshopt, WhatTheLibraryLacksIsNotSupported) {
+  PackedFile file;
+  const MeshData mesh = hills(4);
+  std::vector<std::byte> positions = meshopt_attributes(raw(mesh.positions), sizeof(glm::vec3));
+  positions[0] = std::byte{0xA1};
+  file.mesh_node(
+      {{"attributes",
+        {{"POSITION", file.accessor_over(file.packed_view(positions, 25, 12, "ATTRIBUTES"), 25, "VEC3", kFloat)}}}});
+  file.packed_glb();
+  take_khronos_name(file);
+  const Error later = error_of(file.glb());
+  EXPECT_EQ(later.code, ErrorCode::kUnsupported);
+  EXPECT_EQ(later.field, "bufferViews[0].extensions.KHR_meshopt_compression");
+  PackedFile colour;
+  colour.mesh_node({{"attributes",
+                     {{"POSITION", colour.accessor_over(colour.packed_view(positions, 24, 8, "ATTRIBUTES", "COLOR"), 24,
+                                                        "VEC3", kShort)}}}});
+  positions[0] = std::byte{0xA0};
+  EXPECT_EQ(error_of(colour.packed_glb()).code, ErrorCode::kUnsupported);
+}
+
 // One thing wrong in the description of view 0, the positions (12 bytes, 25 of them), or of view 1, the indices.
 struct WrongPacking {
   const char* name;
@@ -269,7 +315,7 @@ TEST(Meshopt, AnUnpackedViewIntoTheBufferWithoutBytesIsAnError) {
   PackedFile file;
   file.meshopt_node(hills(4), 2);
   file.packed_glb();
-  file.json["bufferViews"].push_back({{"buffer", 1}, {"byteLength", 12}});
+  file.json["accessors"][0]["bufferView"] = file.add("bufferViews", {{"buffer", 1}, {"byteLength", 300}});
   EXPECT_EQ(error_of(file.glb()).field, "buffers[1].uri");
 }
 
@@ -436,6 +482,93 @@ INSTANTIATE_TEST_SUITE_P(
                    },
                    ErrorCode::kDataLoss, ".extensions.KHR_draco_mesh_compression"}),
     [](const auto& one) { return std::string(one.param.name); });
+
+// A mesh with a skin of two joints, of which one has moved and turned; the influences differ at every vertex.
+struct SkinnedHills {
+  MeshData mesh = hills(5);
+  DracoSkin skin;
+
+  SkinnedHills() {
+    for (size_t i = 0; i < mesh.positions.size(); ++i) {
+      const float share = static_cast<float>(i % 8) / 8.0f;
+      skin.joints.insert(skin.joints.end(), {0, 1, 0, 0});
+      skin.weights.insert(skin.weights.end(), {1.0f - share, share, 0, 0});
+    }
+  }
+  // Gives the node that shows the mesh its skin.
+  static void add_skin(PackedFile& file, int node) {
+    const int still = file.add("nodes", {{"name", "still"}});
+    const int moved = file.add("nodes", {{"translation", {3, 1, 2}}, {"rotation", {0, 0.6, 0, 0.8}}});
+    file.json["nodes"][node]["skin"] = file.add("skins", {{"joints", {still, moved}}});
+  }
+};
+
+TEST(Draco, ASkinIsUnpackedWithItsMesh) {
+  const SkinnedHills hills;
+  PackedFile plain;
+  const json attributes = {{"POSITION", plain.accessor_over(plain.view(raw(hills.mesh.positions)),
+                                                            hills.mesh.positions.size(), "VEC3", kFloat)},
+                           {"JOINTS_0", plain.accessor(hills.skin.joints, "VEC4", kUnsignedShort)},
+                           {"WEIGHTS_0", plain.accessor(hills.skin.weights, "VEC4", kFloat)}};
+  hills.add_skin(plain, plain.mesh_node({{"attributes", attributes},
+                                         {"indices", plain.accessor(hills.mesh.indices, "SCALAR", kUnsignedInt)}}));
+  const auto wanted = load(plain.packed_glb());
+  ASSERT_NE(triangles_of(*wanted->meshes.at(1)), triangles_of(hills.mesh)) << "the skin must move the mesh";
+  for (const bool edgebreaker : {false, true}) {
+    PackedFile file;
+    const int node = file.draco_node(hills.mesh, {edgebreaker, 0}, hills.skin);
+    hills.add_skin(file, node);
+    const auto asset = load(file.packed_glb());
+    EXPECT_EQ(triangles_of(*asset->meshes.at(1)), triangles_of(*wanted->meshes.at(1))) << edgebreaker;
+    EXPECT_THAT(asset->warnings, testing::IsEmpty());
+  }
+}
+
+TEST(Draco, AWrongSkinIsNamed) {
+  const SkinnedHills hills;
+  const auto wrong = [&](const DracoSkin& skin, const std::function<void(json&)>& spoil) {
+    PackedFile file;
+    hills.add_skin(file, file.draco_node(hills.mesh, {}, skin));
+    spoil(file.json["meshes"][0]["primitives"][0]["extensions"]["KHR_draco_mesh_compression"]["attributes"]);
+    return error_of(file.packed_glb());
+  };
+  EXPECT_EQ(wrong(hills.skin, [](json& ids) { ids.erase("WEIGHTS_0"); }).field, kDracoField + ".attributes.WEIGHTS_0");
+  EXPECT_EQ(wrong(hills.skin, [](json& ids) { ids["WEIGHTS_0"] = 7; }).field, kDracoField + ".attributes.WEIGHTS_0");
+  EXPECT_EQ(wrong(hills.skin, [](json& ids) { ids["JOINTS_0"] = 0; }).field, kDracoField + ".attributes.JOINTS_0");
+  DracoSkin beyond = hills.skin;
+  beyond.joints[4] = 2;
+  EXPECT_EQ(wrong(beyond, [](json&) {}).code, ErrorCode::kInvalidArgument);
+  EXPECT_THAT(wrong(beyond, [](json&) {}).field, HasSubstr("meshes[0].primitives[0].attributes.JOINTS_0["));
+}
+
+TEST(Draco, ASkinCountsAgainstTheLimitOfUnpackedBytes) {
+  const SkinnedHills hills;
+  PackedFile file;
+  const int node = file.draco_node(hills.mesh, {}, hills.skin);
+  const auto reads_within = [&](size_t bytes) {
+    GltfLimits limits;
+    limits.max_unpacked_bytes = bytes;
+    return error_of(file.packed_glb(), limits).code == ErrorCode::kInternal;
+  };
+  size_t too_few = 0, enough = 1 << 20;
+  while (enough - too_few > 1) {
+    const size_t middle = (enough + too_few) / 2;
+    (reads_within(middle) ? enough : too_few) = middle;
+  }
+  ASSERT_TRUE(reads_within(enough));
+  hills.add_skin(file, node);
+  EXPECT_FALSE(reads_within(enough)) << "the skin is unpacked too";
+  EXPECT_TRUE(reads_within(enough + 36 * 32)) << "eight floats for each of 36 vertices";
+}
+
+TEST(Draco, AMeshWithoutJointsIsDrawnWithoutItsSkin) {
+  const MeshData mesh = hills(4);
+  PackedFile file;
+  SkinnedHills::add_skin(file, file.draco_node(mesh, {}));
+  const auto asset = load(file.packed_glb());
+  EXPECT_EQ(triangles_of(*asset->meshes.at(1)), triangles_of(mesh));
+  EXPECT_THAT(asset->warnings, testing::ElementsAre(HasSubstr("has no JOINTS_0")));
+}
 
 TEST(Draco, AnOlderBitStreamIsNotSupported) {
   PackedFile file;

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "server/base/random.h"
+#include "server/scene/crossings.h"
 #include "server/scene/primitives.h"
 
 namespace sightline {
@@ -114,6 +115,26 @@ TEST(Crossing, IsWhereTheFirstHitOfBruteForceLiesOnTheLine) {
   }
   EXPECT_GT(crossing, 300);
   EXPECT_GT(short_of_it, 100);
+}
+
+// Two boxes with a whole face in common: the ray leaves one and enters the other at the same distance.
+TEST(Crossings, AreAllFoundInOrderWithTheSideThatTheRayMeets) {
+  MeshData mesh = tessellate(BoxShape{{1, 1, 1}}).value();
+  const MeshData box = mesh;
+  for (const glm::vec3& p : box.positions) mesh.positions.push_back(p + glm::vec3(0, 0, -2));
+  for (const uint32_t index : box.indices) mesh.indices.push_back(static_cast<uint32_t>(box.positions.size()) + index);
+  mesh.see_through_first_index = static_cast<uint32_t>(box.indices.size());
+  const auto geometry = build_geometry(mesh).value();
+  std::vector<Crossing> crossings = all_crossings(*geometry, {0.3, 0.2, 5}, {0, 0, -1});
+  ASSERT_EQ(crossings.size(), 4u);
+  EXPECT_NEAR(crossings[0].distance, 4, 1e-9);
+  EXPECT_FALSE(crossings[0].from_back);
+  EXPECT_NEAR(crossings[1].distance, 6, 1e-9);
+  EXPECT_NEAR(crossings[2].distance, 6, 1e-9);
+  EXPECT_NE(crossings[1].from_back, crossings[2].from_back);
+  EXPECT_NEAR(crossings[3].distance, 8, 1e-9);
+  EXPECT_TRUE(crossings[3].from_back);
+  EXPECT_EQ(all_crossings(*geometry, {0.3, 0.2, 0}, {0, 0, 1}).size(), 1u) << "what lies behind the origin";
 }
 
 }  // namespace
