@@ -2,7 +2,8 @@
 # The tests of the service, of its threads and of what they share, under sanitizers: tests/sanitizers.sh [asan] [tsan] [daemon]
 #
 # Builds only what these tests need, into build/asan and build/tsan, and runs them, as many parts of programs at a time as there are processors.
-# Without arguments it runs both sanitizers; `daemon` adds the tests that start the daemon, and those of sessions.
+# Then the daemon itself works for half a minute (soak/short_load.py). Without arguments it runs both sanitizers; `daemon` adds the tests that start
+# the daemon, and those of sessions.
 #
 # AddressSanitizer comes with UndefinedBehaviorSanitizer, and every report fails. A report of ThreadSanitizer fails when it is about our code on
 # both sides: Debian's gRPC is not instrumented, so what it hands from thread to thread looks like a race (service/tsan_reports.py).
@@ -12,7 +13,7 @@ presets=() more=()
 for word in "$@"; do
   case $word in
     asan | tsan) presets+=("$word") ;;
-    # For AddressSanitizer only: sessions have no threads, and ThreadSanitizer would end a daemon with an error for reports that are not ours.
+    # For AddressSanitizer only: sessions have no threads, and those of the daemon have their load with both sanitizers.
     daemon) more=(session_test daemon_test recording_daemon_test) ;;
     *) sed -n '2,/^set/{/^set/d;s/^# \?//;p}' "$0" >&2; exit 2 ;;
   esac
@@ -41,7 +42,7 @@ for preset in "${presets[@]}"; do
   [ "$preset" != asan ] || programs+=("${more[@]}")
   SECONDS=0
   cmake --preset "$preset" -DSIGHTLINE_TESTS=ON >/dev/null
-  cmake --build --preset "$preset" --parallel "$(nproc)" --target "${programs[@]}"
+  cmake --build --preset "$preset" --parallel "$(nproc)" --target "${programs[@]}" sightlined soak_client
   echo "== $preset: built in $SECONDS s"
   SECONDS=0
   export preset reports=$PWD/build/$preset/reports logs=$PWD/build/$preset/logs
@@ -50,6 +51,7 @@ for preset in "${presets[@]}"; do
   touch "$logs/failed"
   export ASAN_OPTIONS=detect_stack_use_after_return=0:log_path=$reports/report
   export UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1:log_path=$reports/report
+  # Without exitcode=0 a daemon would end with an error for reports that are not about our code.
   export TSAN_OPTIONS=suppressions=$PWD/tests/service/tsan.supp:exitcode=0:log_path=$reports/report
   for program in "${programs[@]}"; do
     for ((index = 0; index < parts; ++index)); do echo "$program $index"; done
@@ -60,6 +62,8 @@ for preset in "${presets[@]}"; do
     echo "== $preset: $program --gtest_filter=$tests failed and gets another try"
     "build/$preset/bin/$program" --gtest_brief=1 --gtest_filter="$tests" || failed=1
   done <"$logs/failed"
+  echo "== $preset: the daemon under a load of 30 s"
+  /usr/bin/python3 tests/soak/short_load.py "build/$preset/bin/sightlined" "build/$preset/bin/soak_client" 30 || failed=1
   if [ "$preset" = tsan ]; then
     /usr/bin/python3 tests/service/tsan_reports.py "$reports" || failed=1
   elif [ -n "$(ls "$reports")" ]; then

@@ -173,8 +173,8 @@ class AsyncCall {
   // Of the newest alarm.
   Timers* timers_ = nullptr;
   Timers::Timer alarm_;
-  bool ran_out_ = false;           // it was not cancelled
-  std::atomic<int> under_way_{2};  // every call has an end and a finish
+  std::atomic<bool> ran_out_{false};  // it was not cancelled; atomic, since gRPC alone orders the write and the read
+  std::atomic<int> under_way_{2};     // every call has an end and a finish
   Reaction<&AsyncCall::react_to_read> read_{*this};
   Reaction<&AsyncCall::react_to_write> written_{*this};
   Reaction<&AsyncCall::react_to_alarm> alarmed_{*this};

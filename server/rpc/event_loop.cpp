@@ -22,8 +22,8 @@ constexpr std::chrono::microseconds kLongRest{100};
 
 }  // namespace
 
-EventLoop::EventLoop(std::unique_ptr<grpc::CompletionQueue> queue, Clock now)
-    : queue_(std::move(queue)), now_(std::move(now)), thread_([this] { run(); }) {}
+EventLoop::EventLoop(std::unique_ptr<grpc::CompletionQueue> queue, Clock now, const char* name)
+    : queue_(std::move(queue)), now_(std::move(now)), name_(name), thread_([this] { run(); }) {}
 
 // The queue is shut down only after the last call, because a call that is still stepping starts operations at its end.
 EventLoop::~EventLoop() {
@@ -116,7 +116,7 @@ bool EventLoop::next(Event*& event, bool& ok) {
 }
 
 void EventLoop::run() {
-  ::prctl(PR_SET_NAME, "event-loop");  // for ps and debuggers
+  ::prctl(PR_SET_NAME, name_);
   thread_id_ = ::gettid();
   rested_ = now_();
   Event* event = nullptr;

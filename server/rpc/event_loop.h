@@ -47,7 +47,9 @@ class EventLoop {
   using Clock = std::function<std::chrono::steady_clock::time_point()>;
 
   // Starts the thread. `now` is monotonic. It is called from several threads at once, and until the destruction ends.
-  explicit EventLoop(std::unique_ptr<grpc::CompletionQueue> queue, Clock now = std::chrono::steady_clock::now);
+  // `name` is that of the thread, for ps and debuggers.
+  explicit EventLoop(std::unique_ptr<grpc::CompletionQueue> queue, Clock now = std::chrono::steady_clock::now,
+                     const char* name = "event-loop");
   // When the queue belongs to a server, that server must have shut down. Returns once every call has ended and every
   // event was delivered.
   ~EventLoop();
@@ -96,6 +98,7 @@ class EventLoop {
 
   const std::unique_ptr<grpc::CompletionQueue> queue_;
   const Clock now_;
+  const char* const name_;
   // Used by the loop's thread only.
   std::deque<std::shared_ptr<ShortTask>> deferred_;
   std::chrono::steady_clock::time_point rested_{};  // when it last had nothing to do

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <tuple>
+#include <utility>
 
 namespace sightline {
 
@@ -20,10 +21,12 @@ bool DeadlineQueue::LessServedClient::operator()(const Client* a, const Client* 
 
 void DeadlineQueue::join(Flow& flow, const std::string& client) {
   assert(!flow.client_);
-  std::erase_if(clients_, [](const auto& known) { return known.second.expired(); });
-  std::weak_ptr<Client>& known = clients_[client];
-  flow.client_ = known.lock();
-  if (!flow.client_) known = flow.client_ = std::make_shared<Client>();
+  std::erase_if(clients_, [this](const auto& known) {
+    return known.second.use_count() == 1 && !known.second->has_long_steps(charged_ns_);
+  });
+  std::shared_ptr<Client>& known = clients_[client];
+  if (!known) known = std::make_shared<Client>();
+  flow.client_ = known;
 }
 
 void DeadlineQueue::insert(Flow& flow) {
@@ -38,7 +41,7 @@ void DeadlineQueue::remove(Flow& flow) {
   flow.client_->by_service.erase(&flow);
 }
 
-void DeadlineQueue::push(Flow& flow, int64_t deadline_ns) {
+void DeadlineQueue::push(Flow& flow, int64_t deadline_ns, bool may_be_long) {
   assert(!flow.waits_);
   if (!flow.client_) join(flow, "");
   Client& client = *flow.client_;
@@ -46,6 +49,8 @@ void DeadlineQueue::push(Flow& flow, int64_t deadline_ns) {
   flow.start_ns_ = std::max(flow.served_ns_, client.virtual_ns - kClaimNs);
   flow.number_ = ++pushes_;
   flow.waits_ = true;
+  flow.may_be_long_ = may_be_long;
+  client.may_be_long += may_be_long;
   if (client.by_deadline.empty()) {
     client.start_ns = std::max(client.served_ns, virtual_ns_ - kClaimNs);
     client.number = flow.number_;
@@ -62,7 +67,7 @@ void DeadlineQueue::check_deadline(const Flow& flow, int64_t deadline_ns, int64_
 
 bool DeadlineQueue::held(const Client& client, int64_t now_ns) const {
   const auto is_own_long = [&](const Stepping& step) { return step.client == &client && step.is_long; };
-  const bool has_long_steps = now_ns < client.long_until_ns ||
+  const bool has_long_steps = now_ns < client.long_until_ns || client.may_be_long > 0 ||
                               std::any_of(stepping_.begin(), stepping_.end(), is_own_long);
   if (!has_long_steps || !step_.beside(client, now_ns)) return false;
   const bool for_short_ones = short_step_.beside(client, now_ns);
@@ -85,9 +90,9 @@ DeadlineQueue::Flow* DeadlineQueue::next(int64_t now_ns) const {
   return now_ns < client.fair_until_ns ? *client.by_service.begin() : *client.by_deadline.begin();
 }
 
-void DeadlineQueue::note_step(Client& client, int64_t now_ns) {
+void DeadlineQueue::note_step(Client& client, bool may_be_long, int64_t now_ns) {
   step_.note(client, now_ns);
-  const bool is_long = now_ns < client.long_until_ns;
+  const bool is_long = may_be_long || now_ns < client.long_until_ns;
   if (!is_long) short_step_.note(client, now_ns);
   stepping_.push_back({&client, is_long});
 }
@@ -102,7 +107,8 @@ DeadlineQueue::Flow* DeadlineQueue::pop(int64_t now_ns) {
 
 void DeadlineQueue::take(Flow& flow, int64_t now_ns) {
   Client& client = *flow.client_;
-  note_step(client, now_ns);
+  note_step(client, flow.may_be_long_, now_ns);
+  client.may_be_long -= std::exchange(flow.may_be_long_, false);
   remove(flow);
   flow.waits_ = false;
   flow.popped_deadline_ns_ = flow.deadline_ns_;
@@ -116,6 +122,7 @@ void DeadlineQueue::take(Flow& flow, int64_t now_ns) {
 void DeadlineQueue::charge(Flow& flow, int64_t cost_ns, int64_t now_ns) {
   check_deadline(flow, flow.popped_deadline_ns_, now_ns);
   note_cost(*flow.client_, cost_ns, now_ns);
+  charged_ns_ = std::max(charged_ns_, now_ns);
   if (cost_ns <= 0) return;
   charge(*flow.client_, cost_ns);
   flow.served_ns_ += cost_ns;
@@ -130,9 +137,15 @@ void DeadlineQueue::note_cost(Client& client, int64_t cost_ns, int64_t now_ns) {
                                  [&](const Stepping& one) { return one.client == &client; });
   if (step != stepping_.end()) stepping_.erase(step);
   if (cost_ns > kLongStepNs)
-    client.long_until_ns = now_ns + kLongForNs;
+    client.long_until_ns = std::max(client.long_until_ns == INT64_MAX ? INT64_MIN : client.long_until_ns,
+                                    now_ns + std::max(kLongForNs, kLongTimes * cost_ns));
   else if (client.long_until_ns == INT64_MAX)
     client.long_until_ns = now_ns;
+}
+
+void DeadlineQueue::note_elsewhere(Flow& flow, int64_t busy_ns, int64_t now_ns) {
+  int64_t& until_ns = flow.client_->apart_until_ns;
+  if (busy_ns > kLongStepNs) until_ns = std::max(until_ns, now_ns + kApart * busy_ns);
 }
 
 void DeadlineQueue::charge(Client& client, int64_t cost_ns) {

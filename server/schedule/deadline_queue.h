@@ -16,7 +16,11 @@
 // No order helps against steps that are under way, since they are not interrupted. So clients with long steps never
 // take all threads together while a client with short ones steps: one thread is left for those. Where all have long
 // steps, none of them takes all threads while another steps. How long a step takes is known only afterwards. So a
-// client counts as one with long steps for kLongForNs after each, and until its first step is done.
+// client counts as one with long steps for kLongForNs after each, or kLongTimes as long as the step took, and until its
+// first step is done. So does one with a step that may be far longer than those before.
+//
+// A thread that also does other work (Scheduler::try_run_now) must not be held up by a long step. A client that held
+// one up steps only on threads of the scheduler for kApart times as long as that step took.
 #pragma once
 
 #include <cstddef>
@@ -48,6 +52,7 @@ class DeadlineQueue {
     std::shared_ptr<Client> client_;  // null until it joined or was pushed
     int64_t deadline_ns_ = 0;         // of the step that it waits for
     int64_t popped_deadline_ns_ = 0;  // of the step that was popped last
+    bool may_be_long_ = false;        // the step that it waits for
     int64_t start_ns_ = 0;            // start tag of the step that it waits for
     int64_t served_ns_ = 0;           // finish tag: start tag of its last step and the cost of that step
     uint64_t number_ = 0;
@@ -64,17 +69,21 @@ class DeadlineQueue {
 
   // A client counts as stepping for this time after its last step.
   static constexpr int64_t kActiveForNs = 1'000'000'000;
-  static constexpr int64_t kLongForNs = 5'000'000'000;
+  // Then one that has a long step whenever it no longer counts delays less than a hundredth of the ticks of others.
+  static constexpr int64_t kLongForNs = 5'000'000'000, kLongTimes = 200;
+  // With 100, a client whose steps hold up an event loop would delay every hundredth tick of the others.
+  static constexpr int64_t kApart = 500;
 
   // `threads` pop at the same time, each one flow. With one thread nothing is held, since none can be left to the
   // others.
   explicit DeadlineQueue(size_t threads = 1) : most_long_(threads > 1 ? threads - 1 : SIZE_MAX) {}
 
   // Names the client of a flow, once and before its first push. Flows that never join belong to one client without a
-  // name.
+  // name. A client is remembered after its last flow for as long as its long steps count.
   void join(Flow& flow, const std::string& client);
-  // `flow` must not be waiting, and must live until it was popped.
-  void push(Flow& flow, int64_t deadline_ns);
+  // `flow` must not be waiting, and must live until it was popped. `may_be_long`: the steps before say nothing of this
+  // one.
+  void push(Flow& flow, int64_t deadline_ns, bool may_be_long = false);
   // Removes and returns the flow that steps next; null when the queue is empty, or when all that wait are held: their
   // clients have long steps, and they would take the last thread.
   Flow* pop(int64_t now_ns);
@@ -82,6 +91,10 @@ class DeadlineQueue {
   void take(Flow& flow, int64_t now_ns);
   // `pop` would return a flow.
   bool ready(int64_t now_ns) const { return !empty() && next(now_ns) != nullptr; }
+  // Reports the processor time of a flow's step on a thread with other work.
+  void note_elsewhere(Flow& flow, int64_t busy_ns, int64_t now_ns);
+  // The flow may not step on a thread with other work.
+  bool apart(const Flow& flow, int64_t now_ns) const { return flow.client_ && now_ns < flow.client_->apart_until_ns; }
   // No flow is held from now on.
   void hold_none() { most_long_ = SIZE_MAX; }
   // Reports the cost of a flow's step that is done; a cost <= 0 counts as none. The flow may be waiting again already.
@@ -111,7 +124,13 @@ class DeadlineQueue {
     int64_t fair_until_ns = INT64_MIN;
     int64_t start_ns = 0, served_ns = 0;  // tags as those of a flow
     int64_t long_until_ns = INT64_MAX;    // it counts as a client with long steps; INT64_MAX before its first step
+    size_t may_be_long = 0;               // of its flows that wait
+    int64_t apart_until_ns = INT64_MIN;   // it steps on threads of the scheduler only
     uint64_t number = 0;                  // of the push since which it waits
+
+    bool has_long_steps(int64_t now_ns) const {
+      return (long_until_ns != INT64_MAX && now_ns < long_until_ns) || now_ns < apart_until_ns;
+    }
   };
   // When steps were popped last.
   class Newest {
@@ -136,17 +155,18 @@ class DeadlineQueue {
   void charge(Client& client, int64_t cost_ns);
   Flow* next(int64_t now_ns) const;
   bool held(const Client& client, int64_t now_ns) const;
-  void note_step(Client& client, int64_t now_ns);
+  void note_step(Client& client, bool may_be_long, int64_t now_ns);
   void note_cost(Client& client, int64_t cost_ns, int64_t now_ns);
   void check_deadline(const Flow& flow, int64_t deadline_ns, int64_t now_ns);
 
-  std::map<std::string, std::weak_ptr<Client>> clients_;
+  std::map<std::string, std::shared_ptr<Client>> clients_;
   std::set<Flow*, EarlierDeadline> by_deadline_;
   std::set<Client*, LessServedClient> by_service_;
   int64_t virtual_ns_ = 0;  // the largest start tag of a client that was popped
   int64_t fair_until_ns_ = INT64_MIN;
   uint64_t pushes_ = 0;
-  size_t most_long_;  // steps of clients with long ones at the same time, while others step
+  int64_t charged_ns_ = INT64_MIN;  // when a step was charged last
+  size_t most_long_;                // steps of clients with long ones at the same time, while others step
   // Each step that was popped and not charged so far. One of a client with long steps counts as long until it is done.
   struct Stepping {
     const Client* client = nullptr;

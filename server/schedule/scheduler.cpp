@@ -7,9 +7,10 @@
 
 namespace sightline {
 
-Scheduler::Scheduler(unsigned threads, SamplerDevice& device, StageClock clock)
+Scheduler::Scheduler(unsigned threads, SamplerDevice& device, StageClock clock, StageClock busy)
     : device_(device),
       clock_(std::move(clock)),
+      busy_(std::move(busy)),
       best_batch_(std::max<size_t>(1, device.best_batch())),
       thread_count_(threads),
       queue_(best_batch_ > 1 ? 1 : threads),
@@ -34,13 +35,13 @@ void Scheduler::join(Scheduled& task, const std::string& client) {
 }
 
 // A busy thread looks at the queue before it waits, so only a waiting thread needs to be woken.
-void Scheduler::post(std::shared_ptr<Scheduled> task, int64_t deadline_ns) {
+void Scheduler::post(std::shared_ptr<Scheduled> task, int64_t deadline_ns, bool may_be_long) {
   bool wakes = false;
   {
     const std::lock_guard lock(mutex_);
     Scheduled& scheduled = *task;
     scheduled.self_ = std::move(task);
-    queue_.push(scheduled, deadline_ns);
+    queue_.push(scheduled, deadline_ns, may_be_long);
     wakes = idle_ > 0 && running_ < thread_count_;
   }
   if (wakes) wake_.notify_one();
@@ -58,6 +59,7 @@ bool Scheduler::try_run_now(Scheduled& task, int64_t deadline_ns) {
     const std::lock_guard lock(mutex_);
     const int64_t now_ns = clock_();
     if (best_batch_ > 1 || stopping_ || queue_.ready(now_ns) || running_ >= thread_count_) return false;
+    if (queue_.apart(task, now_ns)) return false;
     if (!spare_rounds_.empty()) {
       round = std::move(spare_rounds_.back());
       spare_rounds_.pop_back();
@@ -69,11 +71,14 @@ bool Scheduler::try_run_now(Scheduled& task, int64_t deadline_ns) {
     queue_.take(task, now_ns);
   }
   round.tasks.emplace_back(std::shared_ptr<Scheduled>(), &task);
+  const int64_t before_ns = busy_();
   run(round);
+  const int64_t busy_ns = busy_() - before_ns;
   bool wakes = false;
   {
     const std::lock_guard lock(mutex_);
     charge(round);
+    queue_.note_elsewhere(task, busy_ns, round.end_ns);
     round.tasks.clear();
     ends(round);
     spare_rounds_.push_back(std::move(round));

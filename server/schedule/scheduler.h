@@ -17,6 +17,7 @@
 #include <thread>
 #include <vector>
 
+#include "server/base/work_limit.h"
 #include "server/sample/sampler.h"
 #include "server/schedule/deadline_queue.h"
 #include "server/step/step.h"
@@ -49,8 +50,9 @@ class Scheduled : public DeadlineQueue::Flow {
 // Thread-safe.
 class Scheduler {
  public:
-  // `device` and `clock` (nanoseconds, monotonic, from any thread) must outlive it.
-  Scheduler(unsigned threads, SamplerDevice& device, StageClock clock);
+  // `device` and `clock` (nanoseconds, monotonic, from any thread) must outlive it. `busy` is the processor time of the
+  // calling thread, in nanoseconds.
+  Scheduler(unsigned threads, SamplerDevice& device, StageClock clock, StageClock busy = thread_cpu_ns);
   // Runs everything that waits, then joins the threads. Nothing may be posted from then on.
   ~Scheduler();
   Scheduler(const Scheduler&) = delete;
@@ -61,14 +63,15 @@ class Scheduler {
   void join(Scheduled& task, const std::string& client);
   // Schedules a round of `task`, which should be done by `deadline_ns`. The task must not be waiting already; it is
   // kept alive until it has run. The queue has no bound of its own: it is as long as there are sessions, which are
-  // limited.
-  void post(std::shared_ptr<Scheduled> task, int64_t deadline_ns);
+  // limited. `may_be_long`: it may take far longer than the rounds before.
+  void post(std::shared_ptr<Scheduled> task, int64_t deadline_ns, bool may_be_long = false);
   // Runs a round of `task` at once on this thread, outside the schedule.
   void run_now(Scheduled& task);
   // Runs a round of `task` at once on this thread when no task waits and fewer rounds run than there are threads.
   // Otherwise it does nothing and returns false. The round counts as one of the threads' rounds. This saves the way to
-  // another thread and back, which on an idle machine takes as long as a short step. It always returns false on a
-  // device that gains from taking several maps together.
+  // another thread and back, which on an idle machine takes as long as a short step. It also returns false for a while
+  // after a long step of the task's client on such a thread, and always on a device that gains from taking several maps
+  // together.
   bool try_run_now(Scheduled& task, int64_t deadline_ns);
 
   // Time since the start of the oldest round that still runs, in nanoseconds; 0 when none runs. From any thread.
@@ -96,7 +99,7 @@ class Scheduler {
   int64_t take(Round& round, std::exception_ptr& trouble);
 
   SamplerDevice& device_;
-  const StageClock clock_;
+  const StageClock clock_, busy_;
   const size_t best_batch_;
   const unsigned thread_count_;  // the first threads ask for it while the constructor still starts the others
 

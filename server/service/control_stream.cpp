@@ -47,6 +47,12 @@ Error too_large(size_t bytes, size_t most) {
           "has " + std::to_string(bytes) + " bytes; " + std::to_string(most) + " are allowed (--max-message-mib)"};
 }
 
+// The next step can then take far longer than the last one, but for its targets. New poses can have that effect too,
+// where things come together: the scheduler learns that from the first such step.
+bool changes_settings(const v1::Tick& tick) {
+  return tick.has_settings() || tick.has_tuning() || tick.step_control().has_quality_level();
+}
+
 // The tick that a reply answers; 0: it answers none.
 uint64_t answered_by(const v1::ControlResponse& reply) {
   return reply.has_camera() ? reply.camera().sequence() : reply.tick_error().sequence();
@@ -176,6 +182,7 @@ void ControlStream::take_in(v1::ControlRequest request, int64_t arrival_ns) {
   if (!writing_) silent_alarms_ = 0;
   if (request.has_tick()) {
     const v1::Tick& tick = request.tick();
+    note_changes(tick);
     pace_.observe(parts_.scheduler.now_ns(), {.time_s = tick.time_s(),
                                               .dt_s = tick.has_dt_s() ? std::optional(tick.dt_s()) : std::nullopt,
                                               .wants_reply = !tick.step_control().merge_into_next()});
@@ -183,9 +190,19 @@ void ControlStream::take_in(v1::ControlRequest request, int64_t arrival_ns) {
   inbox_.push(std::move(request), arrival_ns);
 }
 
+void ControlStream::note_changes(const v1::Tick& tick) {
+  const int targets = tick.has_targets() ? tick.targets().targets_size() : targets_;
+  const bool settings = changes_settings(tick);
+  changes_.add(
+      {.may_be_long = settings || targets > targets_,
+       .not_only_poses = settings || tick.has_targets() || tick.has_delta() || tick.has_lens() || tick.has_shot()});
+  targets_ = targets;
+}
+
 // The first message.
 void ControlStream::begin(const v1::ControlRequest& request) {
   resumable_ = kept_.enabled() && request.open().resumable();
+  targets_ = request.open().targets_size();
   if (request.has_resume()) return claim(request.resume());
   if (!only_resumes_) return;
   note_refusal(*only_resumes_, client_, parts_);
@@ -370,7 +387,7 @@ void ControlStream::advance() {
   if (end_status_) return close(*end_status_);
   if (!inbox_.empty()) {
     begin_turn(TurnState::kOnWorker);
-    if (!needs_loader_) return parts_.scheduler.post(self_, due_ns_);
+    if (!needs_loader_) return parts_.scheduler.post(self_, due_ns_, changes_.may_be_long);
     return parts_.loaders.post([self = self_] { self->parts_.scheduler.run_now(*self); }, client_);
   }
   if (reading_ == Reading::kEnded) close(driver_->status_after_last_message());
@@ -414,10 +431,11 @@ void ControlStream::free_session(const grpc::Status& status) {
 // --- a turn
 // -----------------------------------------------------------------------------------------------------
 
-// A short step runs on the thread that read its tick, because waking another thread would take as long.
+// A short step runs on the thread that read its tick, because waking another thread would take as long. A step is
+// expected to be short if the last one was, and if nothing but poses has changed.
 bool ControlStream::may_run_on_loop() const {
   if (finished_ || turn_state_ != TurnState::kNone || writing_ || cancelled_ || end_status_) return false;
-  if (needs_loader_ || !outbox_.empty() || inbox_.empty()) return false;
+  if (needs_loader_ || changes_.not_only_poses || !outbox_.empty() || inbox_.empty()) return false;
   return driver_->last_cost_ns() > 0 && driver_->last_cost_ns() <= kShortStepNs;
 }
 
@@ -449,6 +467,7 @@ void ControlStream::fill_turn() {
   turn_.spare = outbox_.take_spare();
   turn_.tick_interval_ns = pace_.interval_ns();
   turn_.may_take_long = needs_loader_;
+  changes_of_turn_ = std::exchange(changes_, {});
   if (cancelled_ || end_status_) return;
   if (driver_->opened())
     inbox_.take_all(turn_.messages);
@@ -473,6 +492,8 @@ void ControlStream::end_turn(const TakenMaps& taken) {
   turn_state_ = TurnState::kNone;
   opening_ = !driver_->opened();
   needs_loader_ = opening_ || turn_.needs_loader;
+  if (!stepped) changes_.add(changes_of_turn_);
+  for (const Inbox::Message& left : turn_.messages) note_changes(left.request.tick());
   inbox_.put_back(turn_.messages);
   if (resumable_ && token_.empty() && driver_->opened()) issue_token();
   for (v1::ControlResponse& reply : turn_.replies) outbox_.push(std::move(reply));

@@ -108,6 +108,7 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
   void end_without_memory();
   void take_in(v1::ControlRequest request, int64_t arrival_ns);
   void begin(const v1::ControlRequest& request);
+  void note_changes(const v1::Tick& tick);
   void claim(const v1::ResumeSession& request);
   void issue_token();
   void parse(int64_t arrival_ns);
@@ -156,7 +157,17 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
   bool alarm_set_ = false;    // an alarm is under way
   bool opening_ = true;       // no turn has opened the session
   bool needs_loader_ = true;  // the next turn may take long: it opens the session, or the driver said so
-  int64_t due_ns_ = 0;        // deadline of the turn
+  // What messages have changed since the last step, as far as the steps before say nothing of how long the next takes.
+  struct Changes {
+    bool may_be_long = false;  // it may take far longer than any of them
+    bool not_only_poses = false;
+    void add(const Changes& more) {
+      may_be_long = may_be_long || more.may_be_long, not_only_poses = not_only_poses || more.not_only_poses;
+    }
+  };
+  Changes changes_, changes_of_turn_;
+  int targets_ = 0;     // of the newest message that lists them
+  int64_t due_ns_ = 0;  // deadline of the turn
   // Resuming.
   std::optional<Admission> only_resumes_;  // why the stream has no place for a session of its own
   bool resumable_ = false;                 // the client asked for it

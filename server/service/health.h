@@ -1,9 +1,9 @@
 // The health service of gRPC's health checking protocol.
 //
 // gRPC's own health service is not used, because it runs on the callback API. That API starts further threads, and
-// every message then wakes one of them in addition to the event loop. This service is answered by an event loop, so it
-// also answers when clients occupy all threads of the synchronous RPCs. It answers everyone, also callers without
-// credentials, so what it keeps for them is bounded.
+// every message then wakes one of them in addition to the event loop. This service has an event loop of its own, so it
+// also answers when clients occupy all threads of the synchronous RPCs, and while their steps hold up the loops of
+// their streams. It answers everyone, also callers without credentials, so what it keeps for them is bounded.
 #pragma once
 
 #include <functional>

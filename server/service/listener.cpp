@@ -117,9 +117,11 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options, 
                                                                       grpc::InsecureServerCredentials());
   std::vector<std::unique_ptr<grpc::ServerCompletionQueue>> queues;
   for (unsigned i = 0; i < std::max(options.loops, 1u); ++i) queues.push_back(builder.AddCompletionQueue());
+  std::unique_ptr<grpc::ServerCompletionQueue> of_health = builder.AddCompletionQueue();
   listener->server_ = builder.BuildAndStart();
   if (!listener->server_) {
     for (const auto& queue : queues) queue->Shutdown();
+    of_health->Shutdown();
     return fail(ErrorCode::kInternal, "", "gRPC did not start");
   }
   listener->gate_ = std::make_unique<Gate>(
@@ -141,7 +143,8 @@ Result<std::unique_ptr<Listener>> Listener::start(const ListenOptions& options, 
         return gate->peer_of(context.peer()).client;
       },
       [&service] { service.limit_counts().hit(Limit::kHealthWatches); });
-  listener->health_.take_calls(*listener->loops_.front());
+  listener->health_loop_ = std::make_unique<EventLoop>(std::move(of_health), std::chrono::steady_clock::now, "health");
+  listener->health_.take_calls(*listener->health_loop_);
   listener->reflection_.admit_by([&service](const grpc::ServerContext& context) {
     const auto caller = service.callers().identify(context, Need::kAnyRole);
     return caller ? grpc::Status::OK : caller.error();
@@ -174,7 +177,7 @@ void Listener::set_alive(bool alive) {
 std::chrono::duration<double> Listener::loops_silent() const {
   std::chrono::duration<double> longest(0.0);
   for (const auto& loop : loops_) longest = std::max(longest, weighed(loop->silence()));
-  return longest;
+  return std::max(longest, weighed(health_loop_->silence()));
 }
 
 // Shutdown has a deadline of its own, for which gRPC waits by the wall clock (server/rpc/timers.h). A call that begins
@@ -191,6 +194,7 @@ void Listener::stop(std::chrono::milliseconds grace) {
   shut_down(grace);
   server_->Wait();
   loops_.clear();
+  health_loop_.reset();
 }
 
 }  // namespace sightline

@@ -79,7 +79,9 @@ class Listener {
   HealthService health_;
   ReflectionService reflection_;
   std::unique_ptr<grpc::Server> server_;
-  std::vector<std::unique_ptr<EventLoop>> loops_;  // destroyed before server_, after it has shut down
+  // Destroyed before server_, after it has shut down.
+  std::vector<std::unique_ptr<EventLoop>> loops_;
+  std::unique_ptr<EventLoop> health_loop_;  // answers probes while the work of clients holds the others up
   std::vector<std::string> addresses_;
   int port_ = 0;
 };

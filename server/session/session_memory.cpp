@@ -548,7 +548,9 @@ struct StateFields {
            last.counts.visible_by_target.size() <= kMaxTargets;
   }
   static bool possible(const AskedSight& sight) {
-    const auto in_time = [](const Foreseen& of) { return of.in_s >= 0 && of.in_s <= kSlices * kSliceS; };
+    // The time of the last slice is a sum, which may be rounded up.
+    constexpr double kLastS = (kSlices + 0.5) * kSliceS;
+    const auto in_time = [](const Foreseen& of) { return of.in_s >= 0 && of.in_s <= kLastS; };
     return sight.hidden >= 0 && sight.hidden <= 1 && std::all_of(sight.ahead.begin(), sight.ahead.end(), in_time);
   }
   static bool possible(const CarriedState& state) {

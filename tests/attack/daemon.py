@@ -1,4 +1,5 @@
 """A daemon under attack, a healthy client beside it, and an attacker that writes HTTP/2 frames by hand."""
+import json
 import os
 import pathlib
 import signal
@@ -281,17 +282,63 @@ def flood(connection, make, seconds):
     return sent
 
 
-class Healthy:
-    """A session that ticks at 60 Hz in a process of its own, so that an attacker in this one does not slow it down."""
+class Beside:
+    """A program of this folder in a process of its own, so that an attacker in this one does not slow it down. It prints a word when it has begun,
+    and a JSON object at its end."""
 
-    def __init__(self, address, seconds):
-        self.process = subprocess.Popen([sys.executable, str(pathlib.Path(__file__).with_name("healthy_client.py")),
-                                         address, str(seconds)], stdout=subprocess.PIPE, text=True,
-                                        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
-        assert self.process.stdout.readline().strip() == "opened"
+    def __init__(self, program, begun, *arguments, stdin=subprocess.DEVNULL):
+        self.process = subprocess.Popen([sys.executable, str(pathlib.Path(__file__).with_name(program)), *map(str, arguments)], stdin=stdin,
+                                        stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
+        assert self.process.stdout.readline().strip() == begun
 
     def result(self):
-        """{"ticks", "answered", "replies", "p50_ms", "p99_ms", "max_ms", "error"}"""
-        import json
         out, _ = self.process.communicate(timeout=120)
         return json.loads(out)
+
+
+class Prober(Beside):
+    """Asks a daemon whether it lives. `result` has for "health" and "livez": {"asked", "well", "p50_ms", "max_ms", "trouble"}"""
+
+    def __init__(self, address, operators, seconds):
+        super().__init__("prober.py", "asked", address, operators, seconds)
+
+
+class Healthy(Beside):
+    """A session that ticks at 60 Hz. `result` is {"ticks", "answered", "replies", "p50_ms", "p99_ms", "max_ms", "error"}"""
+
+    def __init__(self, address, seconds):
+        super().__init__("healthy_client.py", "opened", address, seconds)
+
+
+class HealthyAllAlong(Beside):
+    """One session that ticks until `result` is called, through all that happens meanwhile. The result is that of Healthy."""
+
+    def __init__(self, address):
+        super().__init__("healthy_client.py", "opened", address, stdin=subprocess.PIPE)
+        self.start, self.told, self.last, self.changed = float(self.process.stdout.readline()), {}, None, threading.Condition()
+        self.reader = threading.Thread(target=self._read, daemon=True)
+        self.reader.start()
+
+    def _read(self):
+        for line in self.process.stdout:
+            with self.changed:
+                if line.startswith("{"):
+                    self.last = json.loads(line)
+                else:
+                    sequence, wait_ms = line.split()
+                    self.told[int(sequence)] = float(wait_ms)
+                self.changed.notify_all()
+
+    def waits_ms(self, begin, end, patience_s=20):
+        """The round trips of the ticks that were due between two times of the monotonic clock; infinity for a tick that is not answered in time."""
+        due = [sequence for sequence in range(max(1, int((begin - self.start) * 60) - 1), int((end - self.start) * 60) + 3)
+               if begin <= self.start + (sequence - 1) / 60 < end]
+        with self.changed:
+            self.changed.wait_for(lambda: self.last or all(sequence in self.told for sequence in due), patience_s)
+            return [self.told.get(sequence, float("inf")) for sequence in due]
+
+    def result(self):
+        self.process.stdin.close()
+        self.reader.join(120)
+        self.process.wait(10)
+        return self.last

@@ -1,6 +1,10 @@
-"""A session at 60 Hz: healthy_client.py ADDRESS SECONDS. Prints "opened", then one JSON object. A late answer delays no tick, and every
-round trip counts from when its tick was due."""
+"""A session at 60 Hz: healthy_client.py ADDRESS [SECONDS]. Prints "opened", then one JSON object. A late answer delays no tick, and every
+round trip counts from when its tick was due.
+
+Without SECONDS it ticks until its input ends. It then prints the time of the first tick, on the system's monotonic clock, after "opened", and
+for each answered tick a line with its number and its round trip in milliseconds."""
 import json
+import math
 import queue
 import sys
 import threading
@@ -21,7 +25,10 @@ def opening():
     return camera_control_pb2.ControlRequest(open=request)
 
 
-def main(address, seconds):
+def main(address, seconds=math.inf):
+    tells_each, ended = seconds == math.inf, threading.Event()
+    if tells_each:
+        threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
     channel = grpc.insecure_channel(address)
     requests = queue.SimpleQueue()
     replies = CameraControlServiceStub(channel).Control(iter(requests.get, None))
@@ -38,13 +45,17 @@ def main(address, seconds):
                 # A reply may answer several ticks that were merged.
                 for sequence in [s for s in due if s <= answered]:
                     waits.append(time.monotonic() - due.pop(sequence))
+                    if tells_each:
+                        print(sequence, f"{1e3 * waits[-1]:.2f}", flush=True)
         except grpc.RpcError as error:
             trouble.append(f"{error.code().name}: {error.details()}")
 
     reader = threading.Thread(target=receive, daemon=True)
     reader.start()
     start, sequence = time.monotonic(), 0
-    while (at := sequence / 60) < seconds and not trouble:
+    if tells_each:
+        print(start, flush=True)
+    while (at := sequence / 60) < seconds and not ended.is_set() and not trouble:
         time.sleep(max(0.0, start + at - time.monotonic()))
         sequence += 1
         due[sequence] = start + at
@@ -60,4 +71,4 @@ def main(address, seconds):
                       "error": "; ".join(trouble)}))
 
 
-main(sys.argv[1], float(sys.argv[2]))
+main(sys.argv[1], *map(float, sys.argv[2:]))

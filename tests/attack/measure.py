@@ -1,10 +1,11 @@
 """A healthy session at 60 Hz beside each attack, and the daemon's memory a minute later:
 
-  measure.py SIGHTLINED STUBS [--out FILE] [--after SECONDS] [--seconds N] [--only NUMBER...]
+  measure.py SIGHTLINED STUBS [--out FILE] [--probes-out FILE] [--after SECONDS] [--seconds N] [--only NUMBER...]
 
 Prints a line an attack and writes the figures to FILE as JSON. Run it on an idle machine:
 attacker and healthy client share its CPUs with the daemon. An attack passes when every tick of the healthy session was answered, its p99 is
-under 33 ms, and the memory is back within 10 % of what it was before, but for uploads that stay.
+under 33 ms, and the memory is back within 10 % of what it was before, but for uploads that stay. With --probes-out, the gRPC health service and
+/livez are asked ten times a second meanwhile (prober.py).
 """
 import argparse
 import contextlib
@@ -19,6 +20,7 @@ parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.R
 parser.add_argument("sightlined")
 parser.add_argument("stubs")
 parser.add_argument("--out", help="file for the figures")
+parser.add_argument("--probes-out", help="file for the figures of the probes")
 parser.add_argument("--after", type=float, default=60.0, help="seconds from the attack's end to the last look at the memory")
 parser.add_argument("--seconds", type=float, default=8.0, help="length of an attack")
 parser.add_argument("--only", nargs="+", default=[], metavar="NUMBER", help="numbers of the attacks to run, such as 30 or 31a")
@@ -32,12 +34,14 @@ import endless_work  # noqa: E402
 import foreign_frames  # noqa: E402
 import held_probes  # noqa: E402
 import legal_numbers  # noqa: E402
-from daemon import Daemon, Healthy  # noqa: E402
+from daemon import Daemon, Healthy, Prober  # noqa: E402
+from probing import free_address, operators_of  # noqa: E402
 
 LIMIT_MS, SLACK = 33.0, 0.10
 attacks.ATTACK_S = legal_numbers.ATTACK_S = options.seconds
 ATTACKS = sorted(attacks.ATTACKS + legal_numbers.ATTACKS + foreign_frames.ATTACKS + endless_work.ATTACKS + held_probes.ATTACKS + careless_files.ATTACKS,
                  key=lambda one: (int(str(one.number).rstrip("abcdefgh")), str(one.number)))
+PROBES = []
 
 
 def measured(one):
@@ -49,15 +53,23 @@ def measured(one):
             return {"number": one.number, "skipped": more["skip"]}, None
         stack = contextlib.ExitStack()
         where = {"listen": more["listen"]} if "listen" in more else {}
-        daemon = stack.enter_context(Daemon(*one.flags, *more.get("more", ()), limits=one.limits, stderr=more.get("stderr"),
+        # Not every daemon of these has a log that says where its metrics port is.
+        operators = free_address() if options.probes_out and "--metrics-listen" not in one.flags else None
+        metrics = ("--metrics-listen", operators) if operators else ()
+        daemon = stack.enter_context(Daemon(*one.flags, *metrics, *more.get("more", ()), limits=one.limits, stderr=more.get("stderr"),
                                             environment=more.get("environment"), **where))
         daemon.recordings, daemon.files = more.get("recordings"), more.get("files")
         address = daemon.ready.read_text().split()[-1 if one.beside_is_another_client else 0]
         Healthy(address, 2).result()
         before = daemon.memory_mib()
         healthy = Healthy(address, options.seconds + 1)
+        # Where there is a unix socket, TCP may be encrypted.
+        prober = Prober(daemon.ready.read_text().split()[-1], operators or operators_of(daemon), options.seconds + 1) if options.probes_out else None
         seen = one.run(daemon)
         result = healthy.result()
+        if prober:
+            PROBES.append({"number": one.number, "name": one.name, **prober.result()})
+            print(f"    {one.number} {PROBES[-1]}", flush=True)
         figures = {"number": one.number, "name": one.name, "before": one.before, "seen": seen, **result, "memory_before_mib": before,
                    "memory_most_mib": daemon.most_memory_mib(), "stays_mib": one.stays_mib}
         if one.options is not dict:  # its folder goes away now
@@ -97,6 +109,10 @@ def main():
     if options.out:
         with open(options.out, "w") as file:
             json.dump({"cpus": os.cpu_count(), "seconds": options.seconds, "after_s": options.after, "rows": rows}, file, indent=1)
+            file.write("\n")
+    if options.probes_out:
+        with open(options.probes_out, "w") as file:
+            json.dump({"cpus": os.cpu_count(), "seconds": options.seconds, "rows": PROBES}, file, indent=1)
             file.write("\n")
     return 0 if all(row.get("passed", True) for row in rows) else 1
 

@@ -623,6 +623,9 @@ class Health(unittest.TestCase):
     def test_an_event_loop_that_hangs_fails_liveness(self):
         self.hold("event-loop", "event loop")
 
+    def test_an_event_loop_of_the_health_service_that_hangs_fails_liveness(self):
+        self.hold("health", "event loop")
+
     def test_timers_that_hang_fail_liveness(self):
         # Something has to be due.
         with start("--stall-s", "1", "--open-timeout-s", "0.5") as daemon, grpc.insecure_channel(daemon.address) as channel:

@@ -193,6 +193,94 @@ TEST_F(LongSteps, AreKnownBeforeTheyAreOver) {
   EXPECT_EQ(queue.pop(4 * kMs), &of_long[1]) << "none is counted twice";
 }
 
+TEST_F(LongSteps, AreRememberedWhenTheirClientOpensItsSessionsAnew) {
+  {
+    Flow gone;
+    queue.join(gone, "comes again");
+    serve(queue, gone, kLong);
+  }
+  std::array<Flow, 2> again;
+  for (Flow& flow : again) queue.join(flow, "comes again");
+  serve(queue, again[0], kMs);
+  other_steps(kMs);
+  for (Flow& flow : again) queue.push(flow, 20 * kMs);
+  EXPECT_EQ(queue.pop(2 * kMs), &again[0]);
+  EXPECT_EQ(queue.pop(2 * kMs), nullptr);
+}
+
+TEST_F(LongSteps, AreExpectedOfStepsThatMayBeLong) {
+  std::array<Flow, 2> changed;
+  for (Flow& flow : changed) queue.join(flow, "changed");
+  serve(queue, changed[0], kMs);
+  const auto first_leaves_a_thread = [&](bool first, bool second) {
+    other_steps(kMs), other_steps(kMs);
+    queue.push(changed[0], 20 * kMs, first), queue.push(changed[1], 20 * kMs, second);
+    EXPECT_EQ(queue.pop(2 * kMs), &changed[0]);
+    const bool leaves = queue.pop(2 * kMs) == nullptr;
+    queue.charge(changed[0], kMs, 3 * kMs);
+    if (leaves) {
+      EXPECT_EQ(queue.pop(3 * kMs), &changed[1]);
+    }
+    queue.charge(changed[1], kMs, 3 * kMs);
+    return leaves;
+  };
+  EXPECT_FALSE(first_leaves_a_thread(false, false));
+  EXPECT_TRUE(first_leaves_a_thread(true, true));
+  EXPECT_TRUE(first_leaves_a_thread(true, false));
+  EXPECT_FALSE(first_leaves_a_thread(false, false)) << "they were short";
+}
+
+TEST_F(LongSteps, CountForATimeInProportion) {
+  constexpr int64_t kVeryLong = DeadlineQueue::kLongForNs;
+  const auto leaves_a_thread = [&](int64_t now_ns) {
+    other_steps(now_ns);
+    queue.push(of_long[0], now_ns + kMs), queue.push(of_long[1], now_ns + kMs);
+    EXPECT_EQ(queue.pop(now_ns), &of_long[0]);
+    const bool leaves = queue.pop(now_ns) == nullptr;
+    queue.charge(of_long[0], kMs, now_ns);
+    if (leaves) {
+      EXPECT_EQ(queue.pop(now_ns), &of_long[1]);
+    }
+    queue.charge(of_long[1], kMs, now_ns);
+    return leaves;
+  };
+  other_steps(0);
+  queue.push(of_long[2], 1);
+  ASSERT_EQ(queue.pop(0), &of_long[2]);
+  queue.charge(of_long[2], kVeryLong, 0);
+  EXPECT_TRUE(leaves_a_thread(DeadlineQueue::kLongTimes * kVeryLong - 1));
+  EXPECT_FALSE(leaves_a_thread(DeadlineQueue::kLongTimes * kVeryLong));
+}
+
+TEST_F(LongSteps, AClientThatHeldUpAnotherThreadIsKeptApart) {
+  EXPECT_FALSE(queue.apart(of_long[0], 0)) << "for long steps on threads of the scheduler";
+  queue.note_elsewhere(of_long[0], DeadlineQueue::kLongStepNs, kMs);
+  EXPECT_FALSE(queue.apart(of_long[0], kMs));
+  queue.note_elsewhere(of_long[0], kLong, kMs);
+  const int64_t end_ns = kMs + DeadlineQueue::kApart * kLong;
+  EXPECT_TRUE(queue.apart(of_long[1], end_ns - 1));
+  EXPECT_FALSE(queue.apart(of_long[1], end_ns));
+  EXPECT_FALSE(queue.apart(of_other, kMs));
+  EXPECT_FALSE(queue.apart(Flow(), kMs)) << "it has no client yet";
+  queue.note_elsewhere(of_long[0], 2 * kLong, kMs);
+  queue.note_elsewhere(of_long[0], kLong, 2 * kMs);
+  EXPECT_TRUE(queue.apart(of_long[0], kMs + 2 * DeadlineQueue::kApart * kLong - 1)) << "the longest one counts";
+}
+
+TEST_F(LongSteps, AClientThatIsKeptApartComesBackAsTheSame) {
+  {
+    Flow gone;
+    queue.join(gone, "comes again");
+    serve(queue, gone, kMs);
+    queue.note_elsewhere(gone, kLong, kMs);
+  }
+  const int64_t end_ns = kMs + DeadlineQueue::kApart * kLong;
+  other_steps(end_ns - 1);
+  Flow again;
+  queue.join(again, "comes again");
+  EXPECT_TRUE(queue.apart(again, end_ns - 1));
+}
+
 TEST_F(LongSteps, AShortOneBetweenThemChangesNothing) {
   serve(queue, of_long[1], kMs);
   other_steps(kMs);
@@ -237,8 +325,9 @@ TEST_F(LongSteps, AreExpectedOfANewClientAndForAWhileAfterTheLast) {
       return all;
     };
     EXPECT_FALSE(has_all_threads(kMs, first_ns));
-    EXPECT_EQ(has_all_threads(kMs + DeadlineQueue::kLongForNs - 1, kMs), first_ns != kLong);
-    EXPECT_TRUE(has_all_threads(kMs + DeadlineQueue::kLongForNs, kMs));
+    const int64_t end_ns = kMs + std::max(DeadlineQueue::kLongForNs, DeadlineQueue::kLongTimes * first_ns);
+    EXPECT_EQ(has_all_threads(end_ns - 1, kMs), first_ns != kLong);
+    EXPECT_TRUE(has_all_threads(end_ns, kMs));
   }
 }
 

@@ -334,6 +334,43 @@ TEST(Scheduler, ARoundOnTheCallersThreadIsComparedWithItsOwnDeadline) {
             (Entries{"served planned", "served ok", "fresh planned", "fresh ok"}));
 }
 
+// A step that was short for its client says little of the next one, so a client may hold up the caller's thread only
+// for a small part of the time.
+TEST(Scheduler, AClientWithALongStepOnTheCallersThreadStepsElsewhereForAWhile) {
+  constexpr int64_t kLong = DeadlineQueue::kLongStepNs + 1;
+  std::atomic<int64_t> now_ns{0}, busy_ns{0};
+  CountingDevice device(1);
+  EventLog events;
+  class Costly final : public Task {
+   public:
+    Costly(EventLog& log, std::atomic<int64_t>& busy, int64_t takes)
+        : Task(log, "costly", 0), busy_(busy), takes_(takes) {}
+    TakeJob plan() override {
+      busy_ += takes_;
+      return Task::plan();
+    }
+
+   private:
+    std::atomic<int64_t>& busy_;
+    const int64_t takes_;
+  };
+  Scheduler scheduler(
+      1, device, [&] { return now_ns.load(); }, [&] { return busy_ns.load(); });
+  Costly nearly(events, busy_ns, kLong - 1), costly(events, busy_ns, kLong);
+  Task same(events, "same", 0), other(events, "other", 0);
+  for (Scheduled* const task :
+       {static_cast<Scheduled*>(&nearly), static_cast<Scheduled*>(&costly), static_cast<Scheduled*>(&same)})
+    scheduler.join(*task, "client");
+  scheduler.join(other, "other");
+  EXPECT_TRUE(scheduler.try_run_now(nearly, kLater));
+  EXPECT_TRUE(scheduler.try_run_now(costly, kLater));
+  EXPECT_FALSE(scheduler.try_run_now(costly, kLater));
+  EXPECT_FALSE(scheduler.try_run_now(same, kLater)) << "another session of the client";
+  EXPECT_TRUE(scheduler.try_run_now(other, kLater));
+  now_ns = DeadlineQueue::kApart * kLong;
+  EXPECT_TRUE(scheduler.try_run_now(same, kLater));
+}
+
 TEST(Scheduler, NothingRunsOnTheCallersThreadWhereBatchesGain) {
   CountingDevice device(4);
   Scheduler scheduler(2, device, no_time);

@@ -65,6 +65,68 @@ TEST(Calls, HealthIsAnsweredWhileAllThreadsAreHeld) {
   EXPECT_TRUE(no_thread_is_left(other)) << "or it was answered when nothing was held any more";
 }
 
+// Holds the step of this tick at the closed gate. False: the event loop gives no sign of life within `patience`, so it
+// is on its thread.
+bool loop_goes_on(ServiceWorld& world, Stream& stream, const v1::Tick& tick, milliseconds patience) {
+  world.device.close_gate();
+  stream.send(tick);
+  world.device.wait_until_held(1);
+  world.listener->loops_silent();  // asks for the sign
+  for (const auto end = std::chrono::steady_clock::now() + patience; std::chrono::steady_clock::now() < end;) {
+    std::this_thread::sleep_for(milliseconds(5));
+    if (world.listener->loops_silent().count() == 0.0) return true;
+  }
+  return false;
+}
+
+// The loop then has time to learn that the reply is written, without which the next step does not run on it.
+void lets_step_end(ServiceWorld& world, Stream& stream) {
+  world.device.open_gate();
+  const auto reply = stream.read();
+  ASSERT_TRUE(reply && reply->has_camera());
+  std::this_thread::sleep_for(milliseconds(10));
+}
+
+// Nobody else steps, but a loop that lags hands its steps over, so there are several tries.
+TEST(Calls, HealthIsAnsweredWhileAStepHoldsTheEventLoop) {
+  ServiceWorld world({.threads = 1});
+  Stream stream(world.channel());
+  stream.open(open_with_boxes(2));
+  bool held = false;
+  for (uint64_t sequence = 1; sequence <= 200 && !held; ++sequence) {
+    held = !loop_goes_on(world, stream, move_tick(sequence, 1, 0.1), milliseconds(200));
+    if (held) {
+      for (const char* service : {"", "liveness"}) EXPECT_EQ(health_of(world.channel(), service), 1) << service;
+    }
+    lets_step_end(world, stream);
+  }
+  EXPECT_TRUE(held) << "no step ran on the loop";
+}
+
+// The last step was short, but this one may be long.
+TEST(Calls, AStepForOtherTargetsOrSettingsDoesNotHoldTheEventLoop) {
+  ServiceWorld world({.threads = 1});
+  Stream stream(world.channel());
+  stream.open(open_with_boxes(2));
+  uint64_t sequence = 0;
+  const std::vector<void (*)(v1::Tick&)> changes{
+      [](v1::Tick& tick) { tick.mutable_targets()->add_targets()->set_id(2); },
+      [](v1::Tick& tick) { tick.mutable_settings(); }, [](v1::Tick& tick) { tick.mutable_tuning(); },
+      [](v1::Tick& tick) { tick.mutable_delta(); },
+      [](v1::Tick& tick) { tick.mutable_step_control()->set_quality_level(0); }};
+  for (const auto change : changes) {
+    SCOPED_TRACE(sequence);
+    for (int i = 0; i < 2; ++i) {
+      stream.send(move_tick(++sequence, 1, 0.1));
+      lets_step_end(world, stream);
+    }
+    v1::Tick tick = move_tick(++sequence, 1, 0.2);
+    change(tick);
+    EXPECT_TRUE(loop_goes_on(world, stream, tick, seconds(20)));
+    lets_step_end(world, stream);
+  }
+}
+
 // Sends the next tick on `stream`; true when it is answered.
 bool is_answered(Stream& stream, uint64_t sequence) {
   stream.send(move_tick(sequence, 1, 0.01 * static_cast<double>(sequence)));

@@ -96,7 +96,8 @@ ServiceWorld::ServiceWorld(const WorldOptions& options)
     : real_time_(options.real_time),
       scenes_(options.scene_dir, GltfLimits{}, geometry_),
       streams(options.max_sessions),
-      steppers_(options.threads, device, [this] { return real_or(clock_calls_); }),
+      steppers_(
+          options.threads, device, [this] { return real_or(clock_calls_); }, [] { return int64_t{0}; }),
       shares_(options.threads * options.budget.largest_share),
       service_(
           ServiceParts{scenes_, geometry_, extents_, device, steppers_, loaders, uploaders, streams, shares_, stats_,

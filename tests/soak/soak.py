@@ -85,7 +85,7 @@ def run(sightlined, client, seconds):
 def main(sightlined, client, hours, out):
     windows = run(sightlined, client, round(float(hours) * 3600))
     verdicts = judge(windows)
-    totals = {key: sum(w[key] for w in windows) for key in ("sent", "answered", "merged", "opened", "cut", "uploads")}
+    totals = {key: sum(w[key] for w in windows) for key in ("sent", "answered", "merged", "opened", "cut", "resumed", "uploads")}
     result = {"hours": float(hours), "cpus": os.cpu_count(), "totals": totals, "verdicts": verdicts,
               "p99_ms": statistics.median(w["p99_ms"] for w in windows), "windows": windows}
     pathlib.Path(out).parent.mkdir(parents=True, exist_ok=True)

@@ -1,7 +1,8 @@
-// The clients of a soak: soak_client ADDRESS SECONDS [SESSIONS]. Every session ticks at 60 Hz and changes its scene
-// twice a second. After about half a minute it ends and another one follows: some are closed in order, some are cut
-// off, and some open a scene that they have uploaded. Every ten seconds the program prints a line of JSON: the counts
-// since the last line, the round trips in milliseconds, and errors that the clients did not cause.
+// The clients of a soak: soak_client ADDRESS SECONDS [SESSIONS [LIFE_S]]. Every session ticks at 60 Hz and changes its
+// scene twice a second. After about LIFE_S (30) it ends and another one follows: some are closed in order, some are cut
+// off, some are cut off and resumed, and some open a scene that they have uploaded. Every ten seconds the program
+// prints a line of JSON: the counts since the last line, the round trips in milliseconds, and errors that the clients
+// did not cause. A session that the daemon drains is closed, and the program then ends.
 #include <grpcpp/grpcpp.h>
 
 #include <algorithm>
@@ -35,11 +36,15 @@ class Figures {
     round_trips_ms_.push_back(round_trip_ms);
     answered_ += 1, merged_ += merged;
   }
+  // What a daemon that stops refuses is no error. It may refuse something before it tells the sessions that it stops.
   void error(const std::string& what) {
+    for (int i = 0; i < 100 && !drained; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(50));
     const std::lock_guard lock(mutex_);
-    errors_.push_back(what);
+    if (!drained) errors_.push_back(what);
   }
-  std::atomic<uint64_t> sent{0}, opened{0}, cut{0}, uploads{0};
+  std::atomic<uint64_t> sent{0}, opened{0}, cut{0}, resumed{0}, uploads{0};
+  // The daemon has asked a session to end.
+  std::atomic<bool> drained{false};
 
   void print(double at_s) {
     const std::lock_guard lock(mutex_);
@@ -52,10 +57,10 @@ class Figures {
     };
     std::printf(
         "{\"at_s\": %.1f, \"sent\": %llu, \"answered\": %llu, \"merged\": %llu, \"opened\": %llu, \"cut\": %llu, "
-        "\"uploads\": %llu, "
+        "\"resumed\": %llu, \"uploads\": %llu, "
         "\"p50_ms\": %.3f, \"p99_ms\": %.3f, \"max_ms\": %.3f, \"errors\": [",
         at_s, count(sent), static_cast<unsigned long long>(answered_), static_cast<unsigned long long>(merged_),
-        count(opened), count(cut), count(uploads), share(0.5), share(0.99), share(1.0));
+        count(opened), count(cut), count(resumed), count(uploads), share(0.5), share(0.99), share(1.0));
     for (size_t i = 0; i < std::min<size_t>(errors_.size(), 20); ++i)
       std::printf("%s\"%s\"", i ? ", " : "", errors_[i].c_str());
     std::puts("]}");
@@ -79,25 +84,53 @@ std::string plain(std::string text) {
   return text;
 }
 
-// One Control call, from its opening to its end.
+enum class End { kInOrder, kCutOff, kResumed };
+
+// One session, from its opening to its end. It is a Control call, or two when it is resumed.
 class Life {
  public:
   Life(v1::CameraControlService::Stub& stub, Figures& figures, unsigned seed)
       : stub_(stub), figures_(figures), random_(seed) {}
 
-  void run(Clock::duration length, bool cut_off, const std::string& scene) {
-    call_ = stub_.Control(&context_);
+  void run(Clock::duration length, End end, const std::string& scene) {
     v1::ControlRequest request;
     *request.mutable_open() = opening(scene);
+    request.mutable_open()->set_resumable(end == End::kResumed);
+    v1::SessionOpened opened;
+    if (!begin(request, opened)) return;
+    ++figures_.opened;
+    play_and_end(end == End::kResumed ? length / 2 : length, end != End::kInOrder);
+    if (end != End::kResumed || figures_.drained) return;
+    request.mutable_resume()->set_token(opened.resume_token());
+    request.mutable_resume()->set_answered_sequence(answered_);
+    if (!begin(request, opened)) return;
+    ++figures_.resumed;
+    send_again_after(opened.newest_sequence());
+    play_and_end(length / 2, false);
+  }
+
+ private:
+  void fail(const std::string& what) { figures_.error(plain(what)); }
+
+  bool begin(const v1::ControlRequest& request, v1::SessionOpened& opened) {
+    call_.reset();  // it refers to its context
+    context_ = std::make_unique<grpc::ClientContext>();
+    call_ = stub_.Control(context_.get());
     call_->Write(request);
     v1::ControlResponse reply;
-    if (!call_->Read(&reply) || !reply.has_opened())
-      return fail("an opening failed: " + call_->Finish().error_message());
-    ++figures_.opened;
+    if (!call_->Read(&reply) || !reply.has_opened()) {
+      fail("an opening failed: " + call_->Finish().error_message());
+      return false;
+    }
+    opened = reply.opened();
+    return true;
+  }
+
+  void play_and_end(Clock::duration length, bool cut_off) {
     std::thread reader([this] { read(); });
     play(length);
     if (cut_off)
-      ++figures_.cut, context_.TryCancel();
+      ++figures_.cut, context_->TryCancel();
     else
       call_->WritesDone();
     reader.join();
@@ -105,8 +138,16 @@ class Life {
     if (!cut_off && !status.ok()) fail("a session ended with " + status.error_message());
   }
 
- private:
-  void fail(const std::string& what) { figures_.error(plain(what)); }
+  void send_again_after(uint64_t newest) {
+    const std::lock_guard lock(mutex_);
+    for (const Sent& sent : unanswered_)
+      if (sent.tick.sequence() > newest) write(sent.tick);
+  }
+  bool write(const v1::Tick& tick) {
+    v1::ControlRequest request;
+    *request.mutable_tick() = tick;
+    return call_->Write(request);
+  }
   double offset() { return std::uniform_real_distribution(-6.0, 6.0)(random_); }
 
   v1::OpenSession opening(const std::string& scene) {
@@ -124,23 +165,22 @@ class Life {
 
   void play(Clock::duration length) {
     const Clock::time_point start = Clock::now();
-    for (uint64_t sequence = 1; Clock::now() < start + length; ++sequence) {
-      const Clock::time_point due = start + sequence * kInterval;
+    for (int64_t n = 1; Clock::now() < start + length && !figures_.drained; ++n) {
+      const Clock::time_point due = start + n * kInterval;
       std::this_thread::sleep_until(due);
-      v1::ControlRequest request;
-      v1::Tick& tick = *request.mutable_tick();
-      tick.set_sequence(sequence);
-      tick.set_time_s(static_cast<double>(sequence) / 60);
+      v1::Tick tick;
+      tick.set_sequence(++sequence_);
+      tick.set_time_s(static_cast<double>(sequence_) / 60);
       tick.mutable_transforms()->add_ids(kTarget);
       for (const double p : {2 * std::sin(tick.time_s()), 0.9, 2 * std::cos(tick.time_s())})
         tick.mutable_transforms()->add_positions(p);
-      if (sequence % 30 == 0) change_scene(*tick.mutable_delta());
+      if (sequence_ % 30 == 0) change_scene(*tick.mutable_delta());
       {
         const std::lock_guard lock(mutex_);
-        due_.push_back({sequence, due});
+        unanswered_.push_back({due, tick});
       }
       ++figures_.sent;
-      if (!call_->Write(request)) return;
+      if (!write(tick)) return;
     }
   }
 
@@ -162,11 +202,13 @@ class Life {
     v1::ControlResponse reply;
     while (call_->Read(&reply)) {
       if (reply.has_tick_error()) fail("a tick was refused: " + reply.tick_error().message());
+      if (reply.has_drain()) figures_.drained = true;
       if (!reply.has_camera()) continue;
       const std::lock_guard lock(mutex_);
+      answered_ = reply.camera().sequence();
       Clock::time_point due{};
-      while (!due_.empty() && due_.front().first <= reply.camera().sequence())
-        due = due_.front().second, due_.pop_front();
+      while (!unanswered_.empty() && unanswered_.front().tick.sequence() <= answered_)
+        due = unanswered_.front().due, unanswered_.pop_front();
       figures_.answered(std::chrono::duration<double, std::milli>(Clock::now() - due).count(),
                         reply.camera().merged_ticks());
     }
@@ -175,12 +217,18 @@ class Life {
   v1::CameraControlService::Stub& stub_;
   Figures& figures_;
   std::mt19937 random_;
-  grpc::ClientContext context_;
+  std::unique_ptr<grpc::ClientContext> context_;
   std::unique_ptr<grpc::ClientReaderWriter<v1::ControlRequest, v1::ControlResponse>> call_;
   std::deque<uint64_t> boxes_;
   uint64_t next_box_ = 0;
+  uint64_t sequence_ = 0;
+  struct Sent {
+    Clock::time_point due;
+    v1::Tick tick;
+  };
   std::mutex mutex_;
-  std::deque<std::pair<uint64_t, Clock::time_point>> due_;  // ticks without an answer
+  std::deque<Sent> unanswered_;  // guarded by mutex_
+  uint64_t answered_ = 0;        // guarded by mutex_ while a reader runs
 };
 
 // A scene file that no other session has, and its hash on the server.
@@ -202,9 +250,10 @@ std::string upload(v1::CameraControlService::Stub& stub, Figures& figures, unsig
   return answer.hash();
 }
 
-void live(const std::string& address, unsigned number, Clock::time_point end, Figures& figures) {
+void live(const std::string& address, unsigned number, Clock::time_point end, double life_s, Figures& figures) {
   std::mt19937 random(number);
-  for (unsigned round = 0; Clock::now() < end; ++round) {
+  constexpr End kEnds[] = {End::kInOrder, End::kCutOff, End::kInOrder, End::kResumed};
+  for (unsigned round = 0; Clock::now() < end && !figures.drained; ++round) {
     // A connection of its own, as another process would have.
     grpc::ChannelArguments arguments;
     arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
@@ -213,23 +262,25 @@ void live(const std::string& address, unsigned number, Clock::time_point end, Fi
     channel->WaitForConnected(std::chrono::system_clock::now() + std::chrono::seconds(20));
     const auto stub = v1::CameraControlService::NewStub(channel);
     const std::string scene = round % 3 == 1 ? upload(*stub, figures, 1000 * number + round) : "";
-    const auto length = std::min<Clock::duration>(std::chrono::milliseconds(20'000 + random() % 20'000),
-                                                  end - Clock::now());
-    Life(*stub, figures, number * 7919 + round).run(length, round % 2 == 1, scene);
+    const std::chrono::duration<double> life(std::uniform_real_distribution(life_s * 2 / 3, life_s * 4 / 3)(random));
+    const auto length = std::min(std::chrono::duration_cast<Clock::duration>(life), end - Clock::now());
+    Life(*stub, figures, number * 7919 + round).run(length, kEnds[(number + round) % std::size(kEnds)], scene);
   }
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc < 3 || argc > 4) return std::fputs("usage: soak_client ADDRESS SECONDS [SESSIONS]\n", stderr), 2;
+  if (argc < 3 || argc > 5) return std::fputs("usage: soak_client ADDRESS SECONDS [SESSIONS [LIFE_S]]\n", stderr), 2;
   const Clock::time_point start = Clock::now();
   const Clock::time_point end = start + std::chrono::seconds(std::atoi(argv[2]));
   const unsigned sessions = argc > 3 ? static_cast<unsigned>(std::atoi(argv[3])) : 16;
+  const double life_s = argc > 4 ? std::atof(argv[4]) : 30;
   Figures figures;
   std::vector<std::thread> clients;
-  for (unsigned n = 0; n < sessions; ++n) clients.emplace_back([&, n] { live(argv[1], n, end, figures); });
-  for (Clock::time_point due = start + std::chrono::seconds(10); due <= end; due += std::chrono::seconds(10)) {
+  for (unsigned n = 0; n < sessions; ++n) clients.emplace_back([&, n] { live(argv[1], n, end, life_s, figures); });
+  for (Clock::time_point due = start + std::chrono::seconds(10); due <= end && !figures.drained;
+       due += std::chrono::seconds(10)) {
     std::this_thread::sleep_until(due);
     figures.print(std::chrono::duration<double>(due - start).count());
   }

@@ -26,7 +26,8 @@ if ! $page_only; then
   cmake --preset release -DSIGHTLINE_TESTS=ON >/dev/null
   cmake --build --preset release --parallel "$(nproc)" --target sightlined delta_storm sightline_python_stubs
   bin=build/release/bin
-  (cd tests/attack && /usr/bin/python3 measure.py "../../$bin/sightlined" ../../build/release/python --out "../../$here/attacks.json") || status=1
+  (cd tests/attack && /usr/bin/python3 measure.py "../../$bin/sightlined" ../../build/release/python --out "../../$here/attacks.json" \
+    --probes-out "../../$here/probes.json") || status=1
   "$bin/delta_storm" 100000 >"$here/deltas.txt" || status=1
   /usr/bin/python3 tests/skew/skew_test.py "$bin/sightlined" build/release/python || status=1
 fi

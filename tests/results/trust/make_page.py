@@ -9,6 +9,7 @@ import csv
 import json
 import pathlib
 import re
+import statistics
 import sys
 
 HERE = pathlib.Path(__file__).parent
@@ -58,6 +59,21 @@ def attacks():
             f"a daemon without gate and budgets. {passed} of {len(data['rows'])} passed.\n\n" +
             table(["#", "attack", "before", "now", "p99 beside it", "memory", ""], rows) +
             "\n`tests/attack` asserts the same without times (`ctest -R Attack_`); [its page](../../attack/README.md) says what stops each attack.\n")
+
+
+def probes():
+    data = load("probes.json")
+    if not data:
+        return "Not measured yet: `tests/attack/measure.py` with `--probes-out`.\n"
+    rows = []
+    for name, key in (("the gRPC health service", "health"), ("`/livez` of the metrics port", "livez")):
+        all_of = [(row[key], row) for row in data["rows"]]
+        longest, at = max(all_of, key=lambda pair: pair[0]["max_ms"])
+        rows.append([name, f"{sum(of['asked'] for of, _ in all_of):,}", f"{sum(of['well'] for of, _ in all_of):,}",
+                     f"{statistics.median(of['p50_ms'] for of, _ in all_of):.1f} ms", f"{longest['max_ms']:.0f} ms", f"{at['number']}: {at['name']}"])
+    return (f"Beside each of these attacks, for {data['seconds']:.0f} s, a prober asked whether the daemon lives, ten times a second and each time on a new "
+            f"connection, as Kubernetes does. It came from an address of its own. {data.get('note', '')}\n\n" +
+            table(["asked", "times", "good answers", "median", "longest wait", "beside attack"], rows))
 
 
 def soak():
@@ -179,7 +195,7 @@ def skew():
 
 
 def page():
-    parts = [HEAD, "## Attacks\n\n" + attacks(), "## Soak\n\n" + soak(), "## Faults\n\n" + faults(), "## Deltas under overload\n\n" + deltas(), "## Fuzzing\n\n" + fuzzing(),
+    parts = [HEAD, "## Attacks\n\n" + attacks(), "## Probes\n\n" + probes(), "## Soak\n\n" + soak(), "## Faults\n\n" + faults(), "## Deltas under overload\n\n" + deltas(), "## Fuzzing\n\n" + fuzzing(),
              "## Versions\n\n" + skew(), "## Mutants\n\n" + mutation(), "## What users expect of such a service\n\n" + (HERE / "promises.md").read_text()]
     return "\n".join(parts)
 
