@@ -120,8 +120,9 @@ class Player {
 
   void step(int quality_level) {
     const CameraState before = session_->carried().camera;
-    const double turning_radps = std::hypot(session_->carried().turn.yaw_rate_radps,
-                                            session_->carried().turn.pitch_rate_radps);
+    const TurnState& turn = session_->carried().turn;
+    const double turning_radps = std::hypot(turn.yaw_rate_radps, turn.pitch_rate_radps) +
+                                 std::abs(turn.roll_rate_radps);
     const auto start = std::chrono::steady_clock::now();
     const auto answer = session_->step(quality_level);
     note_time(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
