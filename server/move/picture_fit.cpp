@@ -113,6 +113,7 @@ void include(const Places& places, size_t count, const Axis& axis, const Lean& l
   float* __restrict most_right = extents.most_right;
   float* __restrict least_up = extents.least_up;
   float* __restrict most_up = extents.most_up;
+  SIGHTLINE_NO_OVERLAP
   for (size_t i = 0; i < count; ++i) {
     const Rectangle at = rectangle_of(body, x[i], y[i], z[i], fx[i], fy[i], fz[i], rx[i], rz[i], lean);
     least_right[i] = at.left < least_right[i] ? at.left : least_right[i];
