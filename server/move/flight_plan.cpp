@@ -345,21 +345,26 @@ void FlightPlanner::look_beyond(const FlightSettings& settings) {
   add_to(staying, count, -1.0f, gain_beyond_.data() + begin_);
 }
 
-std::optional<uint32_t> FlightPlanner::nearest(uint32_t candidate,
-                                               const std::function<bool(uint32_t candidate)>& is_wanted) {
-  is_reached_.assign(box_.count(), 0);
-  reached_.assign(1, cell_of_[candidate]);
-  is_reached_[reached_[0]] = 1;
-  for (size_t k = 0; k < reached_.size(); ++k) {
-    const uint32_t cell = reached_[k];
-    if (is_wanted(candidate_[cell])) return candidate_[cell];
+bool FlightPlanner::append_way(uint32_t candidate, const std::function<bool(uint32_t candidate)>& is_wanted,
+                               std::vector<uint32_t>& way) {
+  constexpr uint32_t kNotReached = UINT32_MAX;
+  const uint32_t start = cell_of_[candidate];
+  reached_from_.assign(box_.count(), kNotReached);
+  reached_.reserve(box_.count());
+  reached_.assign(1, start);
+  reached_from_[start] = start;
+  size_t k = 0;
+  for (; k < reached_.size() && !is_wanted(candidate_[reached_[k]]); ++k)
     for (size_t leg = 0; leg < kLegs.size(); ++leg) {
-      if ((legs_[cell] >> leg & 1u) == 0) continue;
-      const uint32_t there = cell + static_cast<uint32_t>(offset_of(kLegs[leg], box_));
-      if (is_reached_[there] == 0) is_reached_[there] = 1, reached_.push_back(there);
+      if ((legs_[reached_[k]] >> leg & 1u) == 0) continue;
+      const uint32_t there = reached_[k] + static_cast<uint32_t>(offset_of(kLegs[leg], box_));
+      if (reached_from_[there] == kNotReached) reached_from_[there] = reached_[k], reached_.push_back(there);
     }
-  }
-  return std::nullopt;
+  if (k == reached_.size()) return false;
+  const auto first = static_cast<std::ptrdiff_t>(way.size());
+  for (uint32_t cell = reached_[k]; cell != start; cell = reached_from_[cell]) way.push_back(candidate_[cell]);
+  std::reverse(way.begin() + first, way.end());
+  return true;
 }
 
 void FlightPlanner::price_afterwards(const FlightSettings& settings) {
@@ -369,6 +374,9 @@ void FlightPlanner::price_afterwards(const FlightSettings& settings) {
   std::fill_n(last, count, 0.0f);
   add_to(cost_.back().data() + begin_, count, weight, last);
   add_to(gain_beyond_.data() + begin_, count, weight, last);
+  if (settings.beyond > 0)
+    add_to(beyond_.data() + begin_, count, static_cast<float>(settings.beyond * static_cast<double>(cost_.size())),
+           last);
 }
 
 double FlightPlanner::leg_m(uint32_t leg) const {
@@ -539,9 +547,9 @@ double FlightPlanner::cost_at(const glm::dvec3& position_m, size_t slice, double
   return std::isfinite(mean) ? mean + pull.weight * glm::distance(position_m, pull.point_m) : otherwise;
 }
 
-double FlightPlanner::afterwards_at(const glm::dvec3& position_m, double otherwise) const {
-  const auto slices = static_cast<double>(cost_.size());
-  return cost_from(position_m, cost_.size(), otherwise * slices) / slices;
+double FlightPlanner::gain_beyond_at(const glm::dvec3& position_m) const {
+  return mean_of_open(position_m, 1e-6, 0.0,
+                      [&](size_t address, const glm::ivec3&) { return static_cast<double>(gain_beyond_[address]); });
 }
 
 double FlightPlanner::cost_from(const glm::dvec3& position_m, size_t slice, double otherwise) const {

@@ -28,10 +28,14 @@
 namespace sightline {
 
 struct FlightSettings {
-  double slice_s = 0.1;     // > 0
-  double speed_mps = 4.5;   // > 0: the camera's mean speed on a leg
-  double route = 0.3;       // >= 0: cost of a metre of way, in units of the cost of a whole plan
-  double afterwards = 0.3;  // >= 0: how much the cost of the last slice counts for the time after it, in plans
+  double slice_s = 0.1;    // > 0
+  double speed_mps = 4.5;  // > 0: the camera's mean speed on a leg
+  double route = 0.3;      // >= 0: cost of a metre of way, in units of the cost of a whole plan
+  // >= 0: how much the time after the last slice counts, in plans. It costs as much as the last slice, less the gain of
+  // flying on (look_beyond).
+  double afterwards = 0.3;
+  // >= 0: how much more what lies beyond counts that is seen, beside the shot and the distance, in plans
+  double beyond = 0.0;
 };
 
 // The plan. Times are from the present; the camera moves straight and evenly from point to point.
@@ -84,11 +88,15 @@ class FlightPlanner {
   // kFarS), on the best way of at least kSweepsBeyond legs. A cell in the dark is the better, the nearer it is to one
   // in the light. Called once, when the last slice holds the costs of what is hidden and is blurred.
   void look_beyond(const FlightSettings& settings);
-  // The result for a candidate, at least 0 and at most its cost at the last slice then.
+  // The result for a candidate in the runs: at least 0, and at most its cost at the last slice then.
   double sight_beyond(uint32_t candidate) const { return beyond_[cell_of_[candidate]]; }
-  // The candidate that `is_wanted` to which the fewest legs lead from a candidate's cell, itself included. Empty: legs
-  // lead to none.
-  std::optional<uint32_t> nearest(uint32_t candidate, const std::function<bool(uint32_t candidate)>& is_wanted);
+  // How much that is less than staying costs, at any position: at most 0, interpolated as by cost_at.
+  double gain_beyond_at(const glm::dvec3& position_m) const;
+
+  // Appends the way with the fewest legs from the cell of a candidate in the runs to a candidate that `is_wanted`,
+  // without the first. Returns false, and appends nothing, if legs lead to none.
+  bool append_way(uint32_t candidate, const std::function<bool(uint32_t candidate)>& is_wanted,
+                  std::vector<uint32_t>& way);
 
   // Adds `weight` >= 0 times the distance of each cell from a point, and `others`, by cell. Called after `blur`, at
   // most once for each slice.
@@ -106,9 +114,6 @@ class FlightPlanner {
   // The cost of a slice at any position: interpolated between the open cells around it; `otherwise` if there is none.
   // The distance from the point that add_distances was given counts exactly.
   double cost_at(const glm::dvec3& position_m, size_t slice, double otherwise) const;
-  // The cost of the time after the last slice for a camera that is at a position then, in units of a whole plan's;
-  // `otherwise` as for cost_from. Valid after `plan`.
-  double afterwards_at(const glm::dvec3& position_m, double otherwise) const;
   // The cost of the cheapest plan that begins at a position and a slice, [0, slice_count()]: the sum over its slices,
   // with its way and the time after it. Valid after `plan`. Interpolated as above, but `otherwise` also where the
   // position is hardly in an open cell.
@@ -162,8 +167,7 @@ class FlightPlanner {
   std::array<bool, 4> is_masked_{};  // by number of axes: the clearances decide which of these legs can be flown
   std::vector<float> open_around_;   // by cell: the number of open cells in the 3 x 3 x 3 around it
   std::vector<float> scratch_, best_, arrive_;
-  std::vector<uint32_t> reached_;
-  std::vector<uint8_t> is_reached_;
+  std::vector<uint32_t> reached_, reached_from_;  // cells in the order in which they were reached; by cell
   std::array<std::vector<float>, 2> along_;
   uint32_t at_ = 0;
   size_t at_slice_ = 0;

@@ -1,7 +1,7 @@
 // The goal of strategy kMinCost. A flight plan (move/flight_plan.h) says where the camera should be at each time of the
 // coming second, so that the targets are seen then. Two simpler ways are compared with it: to follow the desired
-// position, and to stay. A plan does not lead through a time of little sight to a better one later. So a camera that
-// does not see all its targets, or expects to lose one, takes a far way.
+// position, and to stay. A plan knows nothing of what lies outside the bound. So a camera that does not see all its
+// targets, or expects to lose one, takes a far way.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -45,8 +45,8 @@ constexpr Pace kHurried{};
 // A camera that has seen no target for so long takes a way through the level (move/far_way.h), and searches it again
 // after this time, since targets move. It does so sooner if it hardly moves.
 constexpr double kBlindS = 2.0, kSearchAgainS = 1.0, kStuckS = 1.0, kStuckMps = 0.2;
-// How much the time after a plan counts that passes no place with a view, in plans.
-constexpr double kBlindAfterwards = 3.0;
+// How much more what is seen beyond a plan counts where nothing is seen on it, in plans.
+constexpr double kBeyondWhileBlind = 3.0;
 // The viewpoint search may know that this share more of the targets is seen at the wanted shot than from the camera. Or
 // it knows that a picture from there lacks less, by this much in picture_loss, than is expected at the end of the best
 // plan. The camera takes a far way to the shot when it has known that for this time, or for as long as the straight way
@@ -66,7 +66,7 @@ double body_m(const MoveInput& in) {
   return swept_radius_m(in.step.input.limits, in.step.lens);
 }
 
-// Sets the clearance of candidates to 0 where a moving collider, such as a cart, is about to be. No route then leads to
+// Sets the clearance of candidates to 0 where a moving collider, such as a cart, is about to be. No plan then leads to
 // them or through them.
 void give_way(const MoveInput& in, double body_radius_m, std::vector<float>& clearance_m) {
   const ClearanceField& soon = in.surroundings.movers_ahead.back();
@@ -93,15 +93,17 @@ template <typename Path>
 double cost_of_path(const FlightPlanner& planner, const HiddenAhead& ahead, const FlightSettings& settings,
                     const Bound& bound, Path path) {
   double sum = 0, last = 0;
+  bool is_known = true;
   glm::dvec3 in_bound_m(0.0);
   for (size_t slice = 0; slice < kSlices; ++slice) {
     const glm::dvec3 at_m = path(ahead.ahead_s(slice));
     in_bound_m = nearest_in_bound_m(bound, at_m);
-    if (slice == 0 || glm::distance(at_m, in_bound_m) <= kBeyondM) last = planner.cost_at(in_bound_m, slice, 100.0);
+    is_known = slice == 0 || glm::distance(at_m, in_bound_m) <= kBeyondM;
+    if (is_known) last = planner.cost_at(in_bound_m, slice, 100.0);
     sum += last;
   }
-  return sum / kSlices + planner.afterwards_at(in_bound_m, settings.afterwards * last) +
-         settings.route * glm::distance(path(0), in_bound_m);
+  const double afterwards = is_known ? last + planner.gain_beyond_at(in_bound_m) : last;
+  return sum / kSlices + settings.afterwards * afterwards + settings.route * glm::distance(path(0), in_bound_m);
 }
 
 class GoalSearch {
@@ -324,25 +326,26 @@ class GoalSearch {
 
   // ---- without a view on the plan: on to one beyond it, or the trail ----
 
-  // The time after the plan counts for more than the shot, since nothing is seen on the plan itself.
+  // What is seen beyond the plan counts for more than the shot, since nothing is seen on it.
   Goal go_to_view(const FlightPlan& seeing_none) {
-    const std::optional<uint32_t> view = nearest_view(seeing_none);
-    if (!view) return escape(seeing_none);
+    const auto shows_some = [this](uint32_t candidate) { return in_.sights.hidden[candidate] < kAllHidden; };
+    const auto append_way_to_view = [&](const FlightPlan& plan) {
+      return !plan.candidates.empty() && planner_.append_way(plan.candidates.back(), shows_some, scratch_.way);
+    };
+    scratch_.way.clear();
+    if (!append_way_to_view(seeing_none)) return escape(seeing_none);
     FlightSettings settings = settings_;
-    settings.afterwards = kBlindAfterwards;
-    scratch_.way = planner_.plan(start(), settings).candidates;
-    scratch_.way.push_back(*view);
+    settings.beyond = kBeyondWhileBlind;
+    const FlightPlan& plan = planner_.plan(start(), settings);
+    scratch_.way = plan.candidates;
+    append_way_to_view(plan);
+    const uint32_t view = scratch_.way.back();
     const Leg leg = first_leg(in_, scratch_.way, body_m(in_));
-    Goal goal = goal_at(*view, part_of_way_m(leg.to_m, settings_.speed_mps * kGoalS), FlightCourse::kToView);
+    Goal goal = goal_at(view, part_of_way_m(leg.to_m, settings_.speed_mps * kGoalS), FlightCourse::kToView);
     goal.searches = true;
     goal.tracking = along(in_.step, leg);
     goal.velocity_mps = velocity_along(in_.step, leg, glm::dvec3(0.0));
     return goal;
-  }
-  std::optional<uint32_t> nearest_view(const FlightPlan& plan) {
-    if (plan.candidates.empty()) return std::nullopt;
-    return planner_.nearest(plan.candidates.front(),
-                            [this](uint32_t candidate) { return in_.sights.hidden[candidate] < kAllHidden; });
   }
   Goal escape(const FlightPlan& plan) {
     const auto leg = leg_to_trail(in_, body_m(in_), scratch_.trail_colliders);

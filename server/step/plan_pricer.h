@@ -11,7 +11,7 @@
 
 namespace sightline {
 
-// How much the last slice of a plan counts for the time after it, in plans.
+// How much the time after a plan counts (FlightSettings).
 inline constexpr double kAfterwards = 0.3;
 
 // Used for one decision; `in`, `planner`, `flight` and `outside` must outlive it. Not thread-safe.

@@ -212,21 +212,31 @@ TEST(FlightPlan, LeadsThroughTheDarkTowardsALightBeyondItsEnd) {
   EXPECT_EQ(planned(planner, block, costs, start, settings, 0.3, 0.0, true).candidates.back(), block.index({7, 0, 0}));
 }
 
-TEST(FlightPlan, FindsTheNearestWantedPlaceThatNoWallShutsOff) {
+TEST(FlightPlan, FindsTheWayToTheNearestWantedPlace) {
   FlightPlanner planner;
   Block block({7, 1, 5});
-  const auto nearest = [&](const std::vector<glm::ivec3>& wanted) {
+  std::vector<uint32_t> way;
+  const auto finds = [&](const std::vector<glm::ivec3>& wanted) {
     planned(planner, block, always(block, 3, 1), {.position_m = block.at({1, 0, 1})}, {});
-    return planner.nearest(block.index({1, 0, 1}), [&](uint32_t candidate) {
-      return std::ranges::find(wanted, block.cell(candidate)) != wanted.end();
-    });
+    way.assign(1, block.index({1, 0, 1}));
+    return planner.append_way(
+        way[0], [&](uint32_t candidate) { return std::ranges::find(wanted, block.cell(candidate)) != wanted.end(); },
+        way);
   };
   for (int z = 0; z < 4; ++z) block.clearance_m[block.index({3, 0, z})] = 0.1f;  // open at z = 4 only
-  EXPECT_EQ(nearest({{5, 0, 1}}), block.index({5, 0, 1}));
-  EXPECT_EQ(nearest({{5, 0, 1}, {1, 0, 1}}), block.index({1, 0, 1})) << "where it is";
-  EXPECT_EQ(nearest({{4, 0, 1}, {1, 0, 4}}), block.index({1, 0, 4})) << "the way to the other leads round the wall";
+  EXPECT_TRUE(finds({{5, 0, 1}}));
+  EXPECT_EQ(way.size(), 7u) << "three legs to the gap, and three from there";
+  EXPECT_EQ(way[3], block.index({3, 0, 4}));
+  EXPECT_EQ(way.back(), block.index({5, 0, 1}));
+  for (size_t k = 1; k < way.size(); ++k)
+    EXPECT_LE(glm::length(glm::dvec3(block.cell(way[k]) - block.cell(way[k - 1]))), std::sqrt(3.0) + 1e-9);
+  EXPECT_TRUE(finds({{5, 0, 1}, {1, 0, 1}}));
+  EXPECT_EQ(way.size(), 1u) << "it is there";
+  EXPECT_TRUE(finds({{4, 0, 1}, {1, 0, 4}}));
+  EXPECT_EQ(way.back(), block.index({1, 0, 4})) << "the way to the other leads round the wall";
   block.clearance_m[block.index({3, 0, 4})] = 0.1f;
-  EXPECT_EQ(nearest({{5, 0, 1}}), std::nullopt);
+  EXPECT_FALSE(finds({{5, 0, 1}}));
+  EXPECT_EQ(way.size(), 1u);
 }
 
 TEST(FlightPlan, ABlurredCostIsMixedWithTheMeanOfTheOpenCellsAround) {
