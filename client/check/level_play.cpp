@@ -22,7 +22,11 @@ Result<Scenario> scenario_for(const Level& level, bool wander) {
 Result<LevelPlay> play_level(const Level& level) {
   LevelPlay play;
   play.wandered = std::ranges::none_of(level.actors, &ScenarioActor::is_target);
-  const auto scenario = scenario_for(level, play.wandered);
+  auto scenario = scenario_for(level, play.wandered);
+  if (scenario && !play.wandered && !(scenario->duration_s() > 0)) {  // nothing moves in it
+    play.wandered = true;
+    scenario = scenario_for(level, true);
+  }
   if (!scenario) return tl::unexpected(scenario.error());
   play.duration_s = scenario->duration_s();
   const SceneCase scene{"the level", kSeed, [&](GeometryStore&) -> Result<Scenario> { return *scenario; }};

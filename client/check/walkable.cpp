@@ -49,10 +49,21 @@ class Grid {
       }
     std::vector<StandingPlace> places;
     for (const Cell& cell : cells_) places.push_back({foot_m(cell), neighbours_of(cell)});
+    drop_one_way(places);
     return places;
   }
 
  private:
+  // On a saddle, a diagonal step can be allowed from one end alone, and of two floors one above the other each place
+  // knows the upper one. Such steps would join places that are not connected.
+  static void drop_one_way(std::vector<StandingPlace>& places) {
+    const std::vector<StandingPlace> all = places;
+    for (uint32_t i = 0; i < places.size(); ++i)
+      std::erase_if(places[i].neighbours, [&](uint32_t other) {
+        return std::ranges::find(all[other].neighbours, i) == all[other].neighbours.end();
+      });
+  }
+
   glm::dvec3 foot_m(const Cell& cell) const {
     return {first_m_.x + kCellM * cell.x, cell.height_m, first_m_.z + kCellM * cell.z};
   }

@@ -8,6 +8,9 @@
 namespace sightline {
 namespace {
 
+// Placeholders of an exporter are few. Each costs the text of its error, and perhaps the search for a file.
+constexpr size_t kMostAbsent = 1000;
+
 int hex_digit(char c) {
   if (c >= '0' && c <= '9') return c - '0';
   if (c >= 'a' && c <= 'f') return c - 'a' + 10;
@@ -73,6 +76,10 @@ class BufferLoader {
            error.code == ErrorCode::kDataLoss;
   }
   Status leave_out(size_t index, Error why) {
+    if (document_.absent_buffers.size() == kMostAbsent)
+      return fail(ErrorCode::kResourceExhausted, "buffers",
+                  "more than " + std::to_string(kMostAbsent) +
+                      " of them have no bytes, the first: " + document_.absent_buffers.begin()->second.message);
     document_.absent_buffers.emplace(index, std::move(why));
     document_.buffers.emplace_back();
     return {};

@@ -492,7 +492,7 @@ void ControlStream::end_turn(const TakenMaps& taken) {
   turn_state_ = TurnState::kNone;
   opening_ = !driver_->opened();
   needs_loader_ = opening_ || turn_.needs_loader;
-  if (!stepped) changes_.add(changes_of_turn_);
+  if (!stepped || !turn_.messages.empty()) changes_.add(changes_of_turn_);
   for (const Inbox::Message& left : turn_.messages) note_changes(left.request.tick());
   inbox_.put_back(turn_.messages);
   if (resumable_ && token_.empty() && driver_->opened()) issue_token();

@@ -58,6 +58,15 @@ TEST_F(Exported, BuffersThatNothingUsesNeedNoBytes) {
   EXPECT_EQ(error().field, "buffers[2].uri");
 }
 
+TEST_F(Exported, BuffersWithoutBytesAreLimited) {
+  file.triangle_node();
+  add_buffers(std::vector<json>(1000, {{"byteLength", 1}}));
+  EXPECT_EQ(load()->triangle_count(), 1u);
+  add_buffers(std::vector<json>(1001, {{"byteLength", 1}}));
+  EXPECT_EQ(error().code, ErrorCode::kResourceExhausted);
+  EXPECT_EQ(error().field, "buffers");
+}
+
 TEST_F(Exported, DataUrisMayHaveAnyMediaType) {
   file.triangle_node();
   const auto plain = file.gltf_with_data_uri();

@@ -55,9 +55,12 @@ def main(sightlined, client, seconds):
         recordings = pathlib.Path(folder, "recordings")
         with Daemon("--config", str(config), "--metrics-listen", "127.0.0.1:0", "--record-dir", str(recordings)) as daemon:
             clients = subprocess.Popen([client, daemon.address, str(int(seconds) + PATIENCE_S), str(SESSIONS), str(LIFE_S)], stdout=subprocess.PIPE, text=True)
-            read_again = keep_busy(daemon, float(seconds), failures)
-            code = daemon.stop(PATIENCE_S)
-            counts, errors = counts_of(clients.communicate(timeout=PATIENCE_S)[0].splitlines())
+            try:
+                read_again = keep_busy(daemon, float(seconds), failures)
+                code = daemon.stop(PATIENCE_S)
+                counts, errors = counts_of(clients.communicate(timeout=PATIENCE_S)[0].splitlines())
+            finally:
+                clients.kill()
             ended = [path.read_bytes().endswith(b"\x89MCAP0\r\n") for path in recordings.glob("*.mcap")]
             log = daemon.log()
     counts.update(read_again=read_again, recordings=len(ended))
