@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <span>
 
 #include "server/base/inline_vector.h"
 #include "server/move/best_acceleration.h"
@@ -337,10 +338,12 @@ class GoalSearch {
     FlightSettings settings = settings_;
     settings.beyond = kBeyondWhileBlind;
     const FlightPlan& plan = planner_.plan(start(), settings);
+    // It heads along the plan, not for the view: which places have one changes with the noise of the maps.
     scratch_.way = plan.candidates;
+    Leg leg = first_leg(in_, scratch_.way, body_m(in_));
     append_way_to_view(plan);
     const uint32_t view = scratch_.way.back();
-    const Leg leg = first_leg(in_, scratch_.way, body_m(in_));
+    leg.length_m += way_length_m(in_, plan.point_m.back(), std::span(scratch_.way).subspan(plan.candidates.size()));
     Goal goal = goal_at(view, part_of_way_m(leg.to_m, settings_.speed_mps * kGoalS), FlightCourse::kToView);
     goal.searches = true;
     goal.tracking = along(in_.step, leg);
