@@ -220,6 +220,7 @@ void FlightPlanner::lay_box(const PlaceView& places, size_t slices) {
   for (std::vector<float>& values : value_) values.assign(cells, kClosed);
   arrive_.assign(cells, kClosed);
   beyond_.assign(cells, kClosed);
+  reached_.reserve(cells), reached_from_.reserve(cells);
   set_positions();
 }
 
@@ -350,7 +351,6 @@ bool FlightPlanner::append_way(uint32_t candidate, const std::function<bool(uint
   constexpr uint32_t kNotReached = UINT32_MAX;
   const uint32_t start = cell_of_[candidate];
   reached_from_.assign(box_.count(), kNotReached);
-  reached_.reserve(box_.count());
   reached_.assign(1, start);
   reached_from_[start] = start;
   size_t k = 0;

@@ -120,7 +120,7 @@ class GoalSearch {
   Goal choose() {
     const double body_radius_m = route_radius_m(in_.step);
     scratch_.way.clear();
-    scratch_.way.reserve(kSlices + 1);
+    scratch_.way.reserve(kSlices + 1 + in_.sights.position_m.size());
     scratch_.clearance_m = in_.sights.clearance_m;
     give_way(in_, body_radius_m, scratch_.clearance_m);
     planner_.lay(in_.sights.candidates.position_m, in_.sights.position_m, scratch_.clearance_m, body_radius_m, kSlices);

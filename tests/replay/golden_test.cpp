@@ -18,8 +18,8 @@
 namespace sightline {
 namespace {
 
-constexpr uint64_t kEmbreeHash = 0x8610691e23591dd6;
-constexpr uint64_t kLlvmpipeHash = 0x8610691e23591dd6;
+constexpr uint64_t kEmbreeHash = 0x7501bf4ea98ec958;
+constexpr uint64_t kLlvmpipeHash = 0x7501bf4ea98ec958;
 
 std::string golden_path() {
   return SIGHTLINE_SOURCE_DIR "/tests/replay/golden/hall.mcap";
