@@ -13,7 +13,10 @@
 # NVIDIA container toolkit (--gpus all, NVIDIA_DRIVER_CAPABILITIES=graphics), which mounts the vendor's EGL next to Mesa's. For AMD and
 # Intel, pass --device /dev/dri.
 
-FROM debian:bookworm-slim AS build
+# The base of all stages. deploy/README.md says how to give it with a digest, so that a later build starts from the same one.
+ARG BASE=debian:bookworm-slim
+
+FROM ${BASE} AS build
 COPY deploy/install-packages.sh /src/deploy/install-packages.sh
 RUN /src/deploy/install-packages.sh build
 COPY . /src
@@ -28,7 +31,7 @@ RUN --mount=type=cache,id=sightline-ccache,target=/var/cache/ccache \
  && strip /build/bin/sightlined /build/bin/sightline
 
 # With OpenGL: the packages that it runs with.
-FROM debian:bookworm-slim AS gpu-system
+FROM ${BASE} AS gpu-system
 COPY deploy/install-packages.sh /tmp/install-packages.sh
 RUN /tmp/install-packages.sh run \
  && rm -rf /tmp/install-packages.sh /var/lib/apt/lists/* /var/cache/* /var/log/* \
@@ -58,7 +61,7 @@ ENTRYPOINT ["sightlined"]
 CMD ["--listen", "none", "--listen-unix", "/run/sightline/sightline.sock", "--metrics-listen", "0.0.0.0:50152", "--scene-dir", "/scenes", "--log-format", "json"]
 
 # Without OpenGL.
-FROM debian:bookworm-slim AS cpu-system
+FROM ${BASE} AS cpu-system
 COPY deploy/install-packages.sh /tmp/install-packages.sh
 RUN /tmp/install-packages.sh run-cpu \
  && rm -rf /tmp/install-packages.sh /var/lib/apt/lists/* /var/cache/* /var/log/* \
