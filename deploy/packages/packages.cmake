@@ -6,7 +6,7 @@ set(CMAKE_SKIP_INSTALL_ALL_DEPENDENCY ON)
 set(third_parties ${PROJECT_BINARY_DIR}/third-parties.txt)
 find_program(PYTHON_PROGRAM NAMES python3 PATHS /usr/bin REQUIRED)
 add_custom_command(OUTPUT ${third_parties}
-                   COMMAND ${PYTHON_PROGRAM} ${CMAKE_CURRENT_LIST_DIR}/third_parties.py ${PROJECT_BINARY_DIR} ${PROJECT_SOURCE_DIR} ${third_parties}
+                   COMMAND ${PYTHON_PROGRAM} -B ${CMAKE_CURRENT_LIST_DIR}/third_parties.py ${PROJECT_BINARY_DIR} ${PROJECT_SOURCE_DIR} ${third_parties}
                            $<TARGET_FILE:sightlined> $<TARGET_FILE:sightline>
                    DEPENDS sightlined sightline ${CMAKE_CURRENT_LIST_DIR}/third_parties.py ${CMAKE_CURRENT_LIST_DIR}/parties.py
                    COMMENT "Listing the third parties of what is linked" VERBATIM)
@@ -15,7 +15,7 @@ add_custom_target(third_parties ALL DEPENDS ${third_parties})
 set(recommended "libegl1, libopengl0, libegl-mesa0, libgl1-mesa-dri")
 set(sbom ${PROJECT_BINARY_DIR}/sbom.spdx.json)
 add_custom_command(OUTPUT ${sbom}
-                   COMMAND ${PYTHON_PROGRAM} ${CMAKE_CURRENT_LIST_DIR}/sbom.py ${PROJECT_BINARY_DIR} ${PROJECT_SOURCE_DIR} ${sbom}
+                   COMMAND ${PYTHON_PROGRAM} -B ${CMAKE_CURRENT_LIST_DIR}/sbom.py ${PROJECT_BINARY_DIR} ${PROJECT_SOURCE_DIR} ${sbom}
                            $<TARGET_FILE:sightlined> $<TARGET_FILE:sightline> --optional "${recommended}"
                    DEPENDS sightlined sightline ${CMAKE_CURRENT_LIST_DIR}/sbom.py ${CMAKE_CURRENT_LIST_DIR}/parties.py
                    COMMENT "Bill of materials" VERBATIM)
