@@ -6,11 +6,20 @@ set(CMAKE_SKIP_INSTALL_ALL_DEPENDENCY ON)
 set(third_parties ${PROJECT_BINARY_DIR}/third-parties.txt)
 find_program(PYTHON_PROGRAM NAMES python3 PATHS /usr/bin REQUIRED)
 add_custom_command(OUTPUT ${third_parties}
-                   COMMAND ${PYTHON_PROGRAM} ${CMAKE_CURRENT_LIST_DIR}/third_parties.py ${PROJECT_BINARY_DIR} ${PROJECT_SOURCE_DIR} ${third_parties}
+                   COMMAND ${PYTHON_PROGRAM} -B ${CMAKE_CURRENT_LIST_DIR}/third_parties.py ${PROJECT_BINARY_DIR} ${PROJECT_SOURCE_DIR} ${third_parties}
                            $<TARGET_FILE:sightlined> $<TARGET_FILE:sightline>
-                   DEPENDS sightlined sightline ${CMAKE_CURRENT_LIST_DIR}/third_parties.py
+                   DEPENDS sightlined sightline ${CMAKE_CURRENT_LIST_DIR}/third_parties.py ${CMAKE_CURRENT_LIST_DIR}/parties.py
                    COMMENT "Listing the third parties of what is linked" VERBATIM)
 add_custom_target(third_parties ALL DEPENDS ${third_parties})
+# OpenGL is loaded at run time, so the linker does not know it.
+set(recommended "libegl1, libopengl0, libegl-mesa0, libgl1-mesa-dri")
+set(sbom ${PROJECT_BINARY_DIR}/sbom.spdx.json)
+add_custom_command(OUTPUT ${sbom}
+                   COMMAND ${PYTHON_PROGRAM} -B ${CMAKE_CURRENT_LIST_DIR}/sbom.py ${PROJECT_BINARY_DIR} ${PROJECT_SOURCE_DIR} ${sbom}
+                           $<TARGET_FILE:sightlined> $<TARGET_FILE:sightline> --optional "${recommended}"
+                   DEPENDS sightlined sightline ${CMAKE_CURRENT_LIST_DIR}/sbom.py ${CMAKE_CURRENT_LIST_DIR}/parties.py
+                   COMMENT "Bill of materials" VERBATIM)
+add_custom_target(sbom ALL DEPENDS ${sbom})
 
 # Manual pages, completions of shells and the page about flags, from the programs' own tables of flags. A build for other machines cannot run
 # the programs, so it has none.
@@ -29,7 +38,7 @@ if(NOT CMAKE_CROSSCOMPILING)
 endif()
 
 install(TARGETS sightlined sightline RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT runtime)
-install(FILES ${third_parties} DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
+install(FILES ${third_parties} ${sbom} DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
 install(FILES ${PROJECT_SOURCE_DIR}/deploy/CHANGELOG.md ${PROJECT_SOURCE_DIR}/deploy/COMPATIBILITY.md DESTINATION ${CMAKE_INSTALL_DOCDIR}
         COMPONENT runtime)
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/proto/sightline DESTINATION ${CMAKE_INSTALL_DATADIR}/sightline/proto COMPONENT client
@@ -62,8 +71,7 @@ set(CPACK_DEBIAN_RUNTIME_PACKAGE_NAME sightline)
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "camera control for games over gRPC")
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SECTION net)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SHLIBDEPS ON)
-# OpenGL is loaded at run time, so the linker does not know it.
-set(CPACK_DEBIAN_RUNTIME_PACKAGE_RECOMMENDS "libegl1, libopengl0, libegl-mesa0, libgl1-mesa-dri")
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_RECOMMENDS "${recommended}")
 set(CPACK_DEBIAN_RUNTIME_DESCRIPTION "The daemon sightlined steers game cameras so that several targets
 stay visible. The command sightline records, replays, evaluates and loads it.")
 set(CPACK_DEBIAN_CLIENT_PACKAGE_NAME libsightline-client-dev)
@@ -75,4 +83,4 @@ include(CPack)
 
 # `cmake --build <build> --target packages`: the packages, in packages/ of the build. It builds what they hold and no tests.
 add_custom_target(packages COMMAND ${CMAKE_CPACK_COMMAND} --config ${PROJECT_BINARY_DIR}/CPackConfig.cmake
-                  DEPENDS sightlined sightline sightline_client third_parties $<TARGET_NAME_IF_EXISTS:command_line> WORKING_DIRECTORY ${PROJECT_BINARY_DIR} VERBATIM)
+                  DEPENDS sightlined sightline sightline_client third_parties sbom $<TARGET_NAME_IF_EXISTS:command_line> WORKING_DIRECTORY ${PROJECT_BINARY_DIR} VERBATIM)

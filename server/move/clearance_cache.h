@@ -23,7 +23,8 @@ class ClearanceCache {
   static constexpr double kFartherSpacings = 0.5;
   // Clearances count up to this many lattice spacings, a little more than the longest leg between the lattice's points.
   // So where one end of a leg is near a surface, the clearance of the other still shows whether the surface may cross
-  // the leg (kNoCrossingM in flight_plan.cpp). A first step measures all cells, so a longer reach makes that step longer.
+  // the leg (kNoCrossingM in flight_plan.cpp). A first step measures all cells, so a longer reach makes that step
+  // longer.
   static constexpr double kReachSpacings = 1.75;
 
   // Distance in metres from each candidate to the nearest static collider, capped at kReachSpacings lattice spacings,

@@ -24,7 +24,7 @@ std::string device_configuration() {
 // Above this size a hierarchy with spatial splits is not worth the time that it takes to build.
 constexpr size_t kMaxTrianglesOfHighQuality = 1'000'000;
 
-const RTCSceneFlags kSceneFlags = RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION;
+const RTCSceneFlags kSceneFlags = RTC_SCENE_FLAG_ROBUST | kFilterByQuery;
 
 std::shared_ptr<const BottomScene> build_bottom(RTCDevice device, const Geometry& geometry, size_t index_count) {
   auto bottom = std::make_shared<BottomScene>();
@@ -143,10 +143,9 @@ bool TopScene::holds(uint32_t slot) const {
 
 FilterContext::FilterContext(const TopScene& filtered_top, const RayFilter& ray_filter)
     : top(&filtered_top), filter(&ray_filter) {
-  rtcInitIntersectContext(&embree);
   const bool ignores = std::ranges::any_of(ray_filter.ignored_slots,
                                            [&](uint32_t slot) { return filtered_top.holds(slot); });
-  if (ignores || ray_filter.only_slot != UINT32_MAX) embree.filter = reject_filtered;
+  if (ignores || ray_filter.only_slot != UINT32_MAX) query.filter_by(reject_filtered);
 }
 
 EmbreeDevice::Impl::Impl() : device(rtcNewDevice(device_configuration().c_str())) {

@@ -39,13 +39,13 @@ class SingleRay {
   }
 
   // True when the ray hits something nearer than all its hits before.
-  bool meets(RTCScene scene, RTCIntersectContext& context, const glm::vec3& origin, const glm::vec3& direction,
+  bool meets(RTCScene scene, QueryContext& context, const glm::vec3& origin, const glm::vec3& direction,
              uint32_t mask) {
     query_.ray.org_x = origin.x, query_.ray.org_y = origin.y, query_.ray.org_z = origin.z;
     query_.ray.dir_x = direction.x, query_.ray.dir_y = direction.y, query_.ray.dir_z = direction.z;
     query_.ray.mask = mask;
     query_.hit.geomID = query_.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-    rtcIntersect1(scene, &context, &query_);
+    context.intersect(scene, query_);
     return query_.hit.geomID != RTC_INVALID_GEOMETRY_ID;
   }
   unsigned instance() const { return query_.hit.instID[0]; }
@@ -102,7 +102,7 @@ struct EmbreeMaps::Packet {
   alignas(64) uint32_t slot[kRays];
   alignas(64) double x[kRays], y[kRays];  // of the shape's texels
   uint32_t texel[kRays];                  // of a map, from the shape's first
-  RTCIntersectContext mover_context;
+  QueryContext mover_context;
   int map_width = 0, map_height = 0;
   PacketShape shape;  // of maps of this size
 
@@ -156,7 +156,7 @@ void EmbreeMaps::Packet::aim(const MapRequest& request, const TexelRays& texels,
 
 void EmbreeMaps::Packet::meet_static(const TopScene& top, FilterContext& context) {
   fill(rays.hit.geomID, RTC_INVALID_GEOMETRY_ID);
-  rtcIntersect16(valid, top.scene.get(), &context.embree, &rays);
+  context.query.intersect(valid, top.scene.get(), rays);
   for (int i = 0; i < kRays; ++i)
     if (valid[i] != 0 && rays.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID)
       slot[i] = top.entries[rays.hit.instID[0][i]].slot;
@@ -175,7 +175,7 @@ void EmbreeMaps::Packet::meet(const NearMover& mover) {
     local.ray.tfar[i] = rays.ray.tfar[i];
     local.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
   }
-  rtcIntersect16(valid, mover.bottom->scene.get(), &mover_context, &local);
+  mover_context.intersect(valid, mover.bottom->scene.get(), local);
   for (int i = 0; i < kRays; ++i) {
     if (valid[i] == 0 || local.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) continue;
     rays.ray.tfar[i] = local.ray.tfar[i];
@@ -246,12 +246,11 @@ void EmbreeMaps::take_sight(const SceneMirror& mirror, const MapRequest& request
   const RayFilter filter{.ignored_slots = static_filter_needed(mirror, request, cone) ? request.ignored_slots
                                                                                       : std::span<const uint32_t>()};
   FilterContext context(top, filter);
-  if (top.scene && ray.meets(top.scene.get(), context.embree, glm::vec3(request.view.eye_m - top.anchor_m), direction,
+  if (top.scene && ray.meets(top.scene.get(), context.query, glm::vec3(request.view.eye_m - top.anchor_m), direction,
                              request.layer_mask))
     slot = top.entries[ray.instance()].slot;
   movers_.find(mirror, request, cone, near_);
-  RTCIntersectContext plain;
-  rtcInitIntersectContext(&plain);
+  QueryContext plain;
   for (const NearMover& mover : near_)
     if (mover.nearest_m <= ray.distance() * length &&
         ray.meets(mover.bottom->scene.get(), plain, mover.eye_in_instance, mover.instance_from_world * direction, ~0u))
@@ -275,9 +274,9 @@ void EmbreeMaps::take_packets(const SceneMirror& mirror, const MapRequest& reque
   packet.begin_map(request, glm::vec3(view.eye_m - top.anchor_m));
   const double width = std::max(packet.shape.width * (view.right - view.left) / view.width,
                                 packet.shape.height * (view.top - view.bottom) / view.height);
-  if (width <= kCoherentWidth) context.embree.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-  rtcInitIntersectContext(&packet.mover_context);
-  packet.mover_context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+  if (width <= kCoherentWidth) context.query.expect_coherent_rays();
+  packet.mover_context = {};
+  packet.mover_context.expect_coherent_rays();
 
   for (int y = 0; y < view.height; y += packet.shape.height)
     for (int x = 0; x < view.width; x += packet.shape.width) {

@@ -1,8 +1,5 @@
-// The data that the Embree device, scenes and maps share. Internal to sample/embree_*, and the only header that
-// includes Embree.
+// The data that the Embree device, scenes and maps share. Internal to sample/embree_*.
 #pragma once
-
-#include <embree3/rtcore.h>
 
 #include <atomic>
 #include <cmath>
@@ -13,6 +10,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "server/sample/embree_query.h"
 #include "server/sample/embree_scene.h"
 
 namespace sightline {
@@ -78,11 +76,11 @@ size_t counted_indices(const Instance& instance, EmbreeScene::Content content);
 // Passed to Embree as its context, with our members behind. Without `filter` nothing is rejected and Embree makes no
 // calls.
 struct FilterContext {
-  RTCIntersectContext embree;  // must stay first
+  QueryContext query;  // must stay first
   const TopScene* top = nullptr;
   const RayFilter* filter = nullptr;
 
-  FilterContext() { rtcInitIntersectContext(&embree); }
+  FilterContext() = default;
   FilterContext(const TopScene& top, const RayFilter& filter);
 };
 

@@ -42,7 +42,7 @@ void trace_top(const TopScene& top, const glm::dvec3& origin_m, const glm::vec3&
   query.ray = ray_in(top, origin_m, direction, near, std::min(far, hit.distance_m), filter);
   query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
   query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-  rtcIntersect1(top.scene.get(), &context.embree, &query);
+  context.query.intersect(top.scene.get(), query);
   if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return;
   const TopScene::Entry& entry = top.entries[query.hit.instID[0]];
   hit.distance_m = query.ray.tfar;
@@ -55,7 +55,7 @@ bool is_blocked_in_top(const TopScene& top, const glm::dvec3& origin_m, const gl
   if (!can_hit(top, filter)) return false;
   FilterContext context(top, filter);
   RTCRay ray = ray_in(top, origin_m, direction, near, far, filter);
-  rtcOccluded1(top.scene.get(), &context.embree, &ray);
+  context.query.occluded(top.scene.get(), ray);
   return ray.tfar < 0.0f;  // Embree's mark for a hit
 }
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""deploy_test.py SIGHTLINED PYTHON_FOLDER DEPLOY_FOLDER: dashboard, alerts and unit file, beside what the daemon exports and what the tools of
+"""deploy_test.py SIGHTLINED PYTHON_FOLDER DEPLOY_FOLDER: dashboard, alerts and unit file and Dockerfile, beside what the daemon exports and what the tools of
 Prometheus and systemd say. What needs a tool that is not installed is skipped."""
 import json
 import pathlib
@@ -234,6 +234,26 @@ class Unit(unittest.TestCase):
             finally:
                 del os.environ["NOTIFY_SOCKET"]
                 manager.close()
+
+
+class Dockerfile(unittest.TestCase):
+    def test_all_stages_start_from_the_base_or_from_one_another(self):
+        text = (DEPLOY.parent / "Dockerfile").read_text()
+        (base,) = re.findall(r"^ARG BASE=(\S+)$", text, re.M)
+        self.assertRegex(base, r"^debian:bookworm-slim(@sha256:[0-9a-f]{64})?$")
+        stages = re.findall(r"^FROM (\S+) AS (\S+)$", text, re.M)
+        self.assertEqual(len(stages), len(re.findall(r"^FROM ", text, re.M)))
+        for i, (start, name) in enumerate(stages):
+            self.assertIn(start, ["${BASE}", *(earlier for _, earlier in stages[:i])], name)
+        self.assertEqual(stages[-1][1], "cpu", "the image that is built when none is named")
+
+    def test_each_image_has_its_own_bill_of_materials(self):
+        text = (DEPLOY.parent / "Dockerfile").read_text()
+        parts = dict(re.findall(r"^FROM \S+ AS (\S+)\n(.*?)(?=^FROM |\Z)", text, re.M | re.S))
+        for image in ("cpu", "gpu"):
+            self.assertIn(f"COPY --from={image}-sbom /build/sbom.spdx.json /usr/share/doc/sightline/", parts[image])
+            self.assertEqual(set(re.findall(r"COPY --from=(\S+)", parts[f"{image}-sbom"])), {f"{image}-system"})
+            self.assertIn(f"--root /image --name sightline-{image}", parts[f"{image}-sbom"])
 
 
 if __name__ == "__main__":

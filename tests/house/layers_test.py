@@ -33,7 +33,7 @@ CONFINED = {
 LIBRARIES = [(re.compile(pattern), name, target) for pattern, name, target in (
     (r"grpc(pp)?/", "gRPC", "gRPC::grpc++"),
     (r"google/protobuf/", "protobuf", "protobuf::libprotobuf"),
-    (r"embree3/", "Embree", "embree"),
+    (r"embree[34]/", "Embree", "embree"),
     (r"epoxy/egl|EGL/", "OpenGL", "PkgConfig::EGL"),
     (r"epoxy/|GL/|GLES", "OpenGL", "PkgConfig::EPOXY"),
     (r"glm/", "GLM", "glm::glm"),

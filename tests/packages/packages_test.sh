@@ -30,6 +30,18 @@ real=$(for name in $depends; do awk -v name="$name" '{for (i = 2; i <= NF; i++) 
 diff <(echo "$real") <(echo "$listed")
 for name in glm cli11 expected stb nlohmann; do grep -q "^[a-z-]*$name.* headers " "$work/root/usr/share/doc/sightline/third-parties.txt"; done
 grep -q '^npm three .* page' "$work/root/usr/share/doc/sightline/third-parties.txt"
+# The bill of materials links the same packages to the programs, and lists them with the same versions.
+/usr/bin/python3 - "$work/root/usr/share/doc/sightline" <<'PYTHON'
+import json, pathlib, sys
+folder = pathlib.Path(sys.argv[1])
+document = json.loads((folder / "sbom.spdx.json").read_text())
+at = {package["SPDXID"]: (package["name"], package.get("versionInfo")) for package in document["packages"]}
+linked = {at[each["relatedSpdxElement"]] for each in document["relationships"]
+          if each["relationshipType"] == "DYNAMIC_LINK" and each["spdxElementId"].startswith("SPDXRef-program-")}
+rows = (line.split() for line in (folder / "third-parties.txt").read_text().split("=====")[0].splitlines())
+listed = {(row[0], row[1]) for row in rows if len(row) > 3 and row[2] == "loaded"}
+assert linked == listed, linked ^ listed
+PYTHON
 
 # A game is built with the client package.
 mkdir "$work/game"

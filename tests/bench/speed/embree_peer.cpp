@@ -1,8 +1,7 @@
-#include <embree3/rtcore.h>
-
 #include <algorithm>
 #include <limits>
 
+#include "server/sample/embree_query.h"
 #include "tests/bench/speed/flat_triangles.h"
 #include "tests/bench/speed/peers.h"
 
@@ -59,17 +58,16 @@ class EmbreePeer final : public RayPeer {
     const glm::vec3 way = to - from;
     RTCRay ray{from.x, from.y, from.z, 0.0f, way.x, way.y, way.z, 0.0f, 1.0f, ~0u, 0, 0};
     Context context;
-    rtcInitIntersectContext(&context.embree);
-    rtcOccluded1(standing_, &context.embree, &ray);
+    context.query.occluded(standing_, ray);
     if (ray.tfar < 0 || movers_.empty()) return ray.tfar < 0;
     context.own = static_cast<unsigned>(own_);
-    context.embree.filter = leave_out_own;
-    rtcOccluded1(moving_, &context.embree, &ray);
+    context.query.filter_by(leave_out_own);
+    context.query.occluded(moving_, ray);
     return ray.tfar < 0;
   }
 
   struct Context {
-    RTCIntersectContext embree;  // must stay first
+    QueryContext query;  // must stay first
     unsigned own = 0;
   };
   static void leave_out_own(const RTCFilterFunctionNArguments* args) {
@@ -98,7 +96,7 @@ class EmbreePeer final : public RayPeer {
     append_flat(at_origin, flat);
     RTCScene shape = rtcNewScene(device_);
     add_triangles(shape, flat);
-    rtcSetSceneFlags(shape, RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION);
+    rtcSetSceneFlags(shape, kFilterByQuery);
     rtcCommitScene(shape);
     RTCGeometry instance = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_INSTANCE);
     rtcSetGeometryInstancedScene(instance, shape);
