@@ -178,12 +178,12 @@ std::vector<v1::Tick> LiveCamera::Worker::next() {
 // Opens the session if need be, and gets the answer to the tick. False: the camera was closed, or no daemon takes the
 // opening.
 bool LiveCamera::Worker::try_for_ever(const v1::Tick* tick) {
-  const size_t begun = resumes() + resyncs();
+  const size_t resumes = this->resumes();
   for (milliseconds between = kShortestPause;; between = std::min(2 * between, kLongestPause)) {
     auto answer = try_once(tick);
     if (answer && tick) take_answer(tick->sequence(), std::move(*answer));
     if (answer) return true;
-    if (tick && resumes() + resyncs() > begun && !is_lost(answer.error(), false)) {  // the tick itself ends the call
+    if (tick && this->resumes() > resumes && !is_lost(answer.error(), false)) {  // the tick itself ends the call
       v1::TickError refusal;
       refusal.set_sequence(tick->sequence());
       refusal.set_code(v1::TickError::CODE_INVALID_ARGUMENT);

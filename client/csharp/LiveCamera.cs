@@ -192,7 +192,7 @@ public sealed class LiveCamera : IDisposable {
 
     // Opens the session if need be, and gets the answer to the tick. False: the camera was closed.
     async Task<bool> TryForEverAsync(Tick tick) {
-        int begun = Resumes + Resyncs;
+        int resumes = Resumes;
         for (var pause = TimeSpan.Zero;; pause = SightlineCamera.Longer(pause)) {
             if (pause > TimeSpan.Zero && !await PauseAsync(pause)) return false;
             try {
@@ -203,7 +203,7 @@ public sealed class LiveCamera : IDisposable {
                 Answer(tick, null, refused.Error);
                 return true;
             } catch (FailedException failed) when (camera != null || failed.IsLost(opening: true)) {
-                if (tick != null && Resumes + Resyncs > begun && !failed.IsLost(opening: false)) {  // the tick itself ends the call
+                if (tick != null && Resumes > resumes && !failed.IsLost(opening: false)) {  // the tick itself ends the call
                     Answer(tick, null, new TickError { Sequence = tick.Sequence, Code = TickError.Types.Code.InvalidArgument, Message = failed.Message });
                     return true;
                 }

@@ -269,14 +269,14 @@ func (c *LiveCamera) next() []*v1.Tick {
 
 // tryForEver opens the session if need be, and gets the answer to the tick. False: the camera was closed, or no daemon takes the opening.
 func (c *LiveCamera) tryForEver(tick *v1.Tick) bool {
-	begun := c.Resumes() + c.Resyncs()
+	resumes := c.Resumes()
 	for pause := time.Duration(0); ; pause = min(longer(pause), longestLivePause) {
 		if pause > 0 && !c.sleep(pause) {
 			return false
 		}
 		reply, err := c.try(tick)
 		var refused *Refused
-		if tick != nil && c.Resumes()+c.Resyncs() > begun && c.ctx.Err() == nil && err != nil && !errors.As(err, &refused) && !isLost(err, false) {
+		if tick != nil && c.Resumes() > resumes && c.ctx.Err() == nil && err != nil && !errors.As(err, &refused) && !isLost(err, false) {
 			// The tick itself ends the call.
 			refused = &Refused{&v1.TickError{Sequence: tick.GetSequence(), Code: v1.TickError_CODE_INVALID_ARGUMENT, Message: err.Error()}}
 			err = refused

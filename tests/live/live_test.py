@@ -48,9 +48,9 @@ def refusals(frames):
 class Trial(unittest.TestCase):
     """One client, with a daemon of its own, which is not started yet."""
 
-    def __init__(self, name, *flags):
+    def __init__(self, name):
         super().__init__()
-        self.name, self.daemon = name, Daemon(SIGHTLINED, *flags)
+        self.name, self.daemon = name, Daemon(SIGHTLINED)
         self.daemon.address = free_address()
 
     def __enter__(self):
@@ -229,10 +229,10 @@ def changes(frame):
 
 
 class LiveTest(unittest.TestCase):
-    def each(self, play, *flags):
-        """Some clients at once, since most of the time they wait. A failure of one does not keep the others from playing. `flags`: of the daemon."""
+    def each(self, play):
+        """Some clients at once, since most of the time they wait. A failure of one does not keep the others from playing."""
         def run(name):
-            with Trial(name, *flags) as trial:
+            with Trial(name) as trial:
                 play(trial)
         with concurrent.futures.ThreadPoolExecutor(AT_ONCE) as pool:
             played = {name: pool.submit(run, name) for name in PLAYERS}
@@ -251,9 +251,6 @@ class LiveTest(unittest.TestCase):
 
     def test_a_tick_that_is_too_large_is_refused_and_no_other(self):
         self.each(Trial.a_tick_that_is_too_large)
-
-    def test_so_it_is_where_no_session_can_be_resumed(self):
-        self.each(Trial.a_tick_that_is_too_large, "--resume-grace-s", "0")
 
     def test_a_close_while_the_daemon_is_stopped_ends_in_time(self):
         self.each(Trial.a_close_while_the_daemon_is_stopped)

@@ -181,7 +181,7 @@ export class LiveCamera {
 
   // Opens the session if need be, and gets the answer to the tick. False: the camera was closed.
   private async tryForEver(tick?: Tick): Promise<boolean> {
-    const begun = this.resumes + this.resyncs;
+    const {resumes} = this;
     for (const pauseS of pauses()) {
       if (pauseS > 0 && !this.stopping) await this.pause(Math.min(pauseS, LONGEST_PAUSE_S));
       if (pauseS > 0 && this.stopping) return false;
@@ -195,7 +195,7 @@ export class LiveCamera {
           return true;
         }
         if (!(error instanceof Failed) || (!this.camera && !isLost(error, true))) throw error;
-        if (tick && this.resumes + this.resyncs > begun && !isLost(error, false)) { // the tick itself ends the call
+        if (tick && this.resumes > resumes && !isLost(error, false)) { // the tick itself ends the call
           this.answer(tick, undefined, create(TickErrorSchema, {sequence: tick.sequence, code: TickError_Code.INVALID_ARGUMENT, message: error.message}));
           return true;
         }

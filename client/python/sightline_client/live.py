@@ -203,7 +203,7 @@ class LiveCamera:
 
     def _try_for_ever(self, message: Optional[Tick]) -> bool:
         """Opens the session if need be, and gets the answer to the tick. False: the camera was closed, or no daemon takes the opening."""
-        begun = self.resumes + self.resyncs
+        resumes = self.resumes
         for pause_s in pauses():
             if self._stopping.wait(min(pause_s, LONGEST_PAUSE_S)) and pause_s > 0:
                 return False
@@ -220,8 +220,7 @@ class LiveCamera:
             except Failed as failed:
                 if self._camera is None and not is_lost(failed, opening=True):
                     raise self._give_up(failed)
-                begins_again = self.resumes + self.resyncs > begun
-                if message is not None and begins_again and not is_lost(failed, opening=False):  # the tick itself ends the call
+                if message is not None and self.resumes > resumes and not is_lost(failed, opening=False):  # the tick itself ends the call
                     self._answer(message, None, TickError(sequence=message.sequence, code=TickError.CODE_INVALID_ARGUMENT, message=str(failed)))
                     return True
                 with self._changed:

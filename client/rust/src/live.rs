@@ -294,7 +294,7 @@ impl Worker {
     /// Opens the session if need be, and gets the answer to the tick. False: the camera was closed, or no daemon takes the opening.
     async fn try_for_ever(&mut self, tick: Option<Tick>) -> bool {
         let mut pause = Duration::ZERO;
-        let begun = self.times_begun();
+        let resumes = self.camera.as_ref().map_or(0, Camera::resumes);
         loop {
             if pause > Duration::ZERO && !self.pause(pause.min(LONGEST_PAUSE)).await {
                 return false;
@@ -306,8 +306,8 @@ impl Worker {
                 Err(Error::Failed(failed)) => failed,
                 Err(Error::QueueFull) => unreachable!("a camera has no queue"),
             };
-            let begins_again = self.times_begun() > begun;
-            if let Some(sequence) = tick.as_ref().map(|tick| tick.sequence).filter(|_| begins_again && !failed.is_lost(false)) {
+            let resumed = self.camera.as_ref().map_or(0, Camera::resumes) > resumes;
+            if let Some(sequence) = tick.as_ref().map(|tick| tick.sequence).filter(|_| resumed && !failed.is_lost(false)) {
                 // The tick itself ends the call.
                 let code = tick_error::Code::InvalidArgument as i32;
                 return self.answer(tick, None, Some(TickError { sequence, code, message: failed.message, ..Default::default() }));
@@ -320,11 +320,6 @@ impl Worker {
             }
             state.trouble = Some(failed);
         }
-    }
-
-    /// How often the session was resumed or opened again.
-    fn times_begun(&self) -> usize {
-        self.camera.as_ref().map_or(0, |camera| camera.resumes() + camera.resyncs())
     }
 
     /// False: the camera was closed.
