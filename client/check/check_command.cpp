@@ -49,7 +49,7 @@ std::string play_text(const LevelPlay& play) {
                                    : formatted("and the camera touched something in %zu frames", run.body_collisions));
 }
 
-// What the command found out.
+// The results of the command.
 struct Findings {
   LevelFacts facts;
   std::vector<LevelWarning> warnings;

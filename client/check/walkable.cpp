@@ -20,7 +20,7 @@ constexpr int kMostStoreys = 16;
 constexpr double kNearlyAsLarge = 0.4;  // of the largest set
 constexpr float kFar = 1e4f;
 
-// What a place is on its way to becoming a StandingPlace.
+// A place before its neighbours are known.
 struct Cell {
   int x = 0, z = 0;
   double height_m = 0.0;

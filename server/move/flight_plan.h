@@ -34,7 +34,8 @@ struct FlightSettings {
   // >= 0: how much the time after the last slice counts, in plans. It costs as much as the last slice, less the gain of
   // flying on (look_beyond).
   double afterwards = 0.3;
-  // >= 0: how much more what lies beyond counts that is seen, beside the shot and the distance, in plans
+  // >= 0: how much the sight beyond the last slice counts in addition (look_beyond), in plans. It counts alone, without
+  // the shot and the distance.
   double beyond = 0.0;
 };
 
@@ -85,8 +86,8 @@ class FlightPlanner {
 
   // Looks beyond the last slice: what a camera that flies on from each cell will lack of its sight, if what is hidden
   // at the last slice stays hidden. It is the mean over the time to come, which counts the less, the later it is (see
-  // kFarS), on the best way of at least kSweepsBeyond legs. A cell in the dark is the better, the nearer it is to one
-  // in the light. Called once, when the last slice holds the costs of what is hidden and is blurred.
+  // kFarS), on the best way that a few sweeps over the cells find. A cell in the dark is the better, the nearer it is
+  // to one in the light. Called once, when the last slice holds the costs of what is hidden and is blurred.
   void look_beyond(const FlightSettings& settings);
   // The result for a candidate in the runs: at least 0, and at most its cost at the last slice then.
   double sight_beyond(uint32_t candidate) const { return beyond_[cell_of_[candidate]]; }
