@@ -15,10 +15,12 @@
 #include "scenes/maze.h"
 #include "scenes/open_ground.h"
 #include "scenes/pitch.h"
+#include "scenes/real_motion.h"
 #include "scenes/roofs.h"
 #include "scenes/rooms.h"
 #include "scenes/stairwell.h"
 #include "scenes/streets.h"
+#include "scenes/subjects.h"
 
 namespace sightline::scenes {
 namespace {
@@ -85,6 +87,37 @@ std::vector<CatalogEntry> roof_entries() {
   };
 }
 
+std::vector<CatalogEntry> subject_entries() {
+  constexpr SceneGroup kGroup = SceneGroup::kSubjects;
+  return {
+      {"cycle", "six people 5 m apart, the subject is another one every 4 s", kGroup,
+       [](const SceneRequest& r) { return make_cycle({.seed = r.seed}); }},
+      {"cycle-far", "the same 25 m apart, every 6 s", kGroup,
+       [](const SceneRequest& r) { return make_cycle({.seed = r.seed, .apart_m = 25, .each_s = 6}); }},
+      {"runner", "a runner between columns who turns to a side or back every 8 m", kGroup,
+       [](const SceneRequest& r) { return make_runner({.seed = r.seed}); }},
+      {"conversation", "two people talk under a ceiling; the head of one is the target", kGroup,
+       [](const SceneRequest& r) { return make_conversation({.seed = r.seed}); }},
+      {"apart-two", "two people stand 20 m apart, the camera between them", kGroup,
+       [](const SceneRequest& r) { return make_apart({.seed = r.seed}); }},
+      {"apart-three", "three people stand 25 m apart, the camera between them", kGroup,
+       [](const SceneRequest& r) { return make_apart({.seed = r.seed, .people = 3, .apart_m = 25}); }},
+  };
+}
+
+std::vector<CatalogEntry> motion_entries() {
+  constexpr SceneGroup kGroup = SceneGroup::kMotion;
+  const auto options = [](const SceneRequest& r) { return RealMotionOptions{.seed = r.seed, .folder = r.motion}; };
+  return {
+      {"motion-corner", "recorded people walk round the corner of a corridor", kGroup,
+       [options](const SceneRequest& r) { return make_real_corner(options(r), false); }},
+      {"motion-corner-roofed", "the same under a ceiling at 2.8 m", kGroup,
+       [options](const SceneRequest& r) { return make_real_corner(options(r), true); }},
+      {"motion-attack", "a recorded football attack; the ball and who is nearest to it", kGroup,
+       [options](const SceneRequest& r) { return make_real_attack(options(r)); }},
+  };
+}
+
 std::vector<CatalogEntry> situation_entries() {
   constexpr SceneGroup kGroup = SceneGroup::kSituations;
   return {
@@ -133,8 +166,8 @@ std::vector<CatalogEntry> situation_entries() {
 
 std::vector<CatalogEntry> all_entries() {
   std::vector<CatalogEntry> all = study_entries();
-  for (std::vector<CatalogEntry> more :
-       {level_entries(), tile_entries(), roof_entries(), situation_entries(), paper_entries()})
+  for (std::vector<CatalogEntry> more : {level_entries(), tile_entries(), roof_entries(), subject_entries(),
+                                         motion_entries(), situation_entries(), paper_entries()})
     all.insert(all.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
   return all;
 }
@@ -151,6 +184,10 @@ std::string_view name_of(SceneGroup group) {
       return "tiles";
     case SceneGroup::kRoofs:
       return "roofs";
+    case SceneGroup::kSubjects:
+      return "subjects";
+    case SceneGroup::kMotion:
+      return "motion";
     case SceneGroup::kSituations:
       return "situations";
     case SceneGroup::kPaper:

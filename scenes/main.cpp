@@ -63,10 +63,13 @@ int main(int argc, char** argv) {
   app.add_option("--movers", request.crowd_movers, "movers in the crowd")
       ->check(CLI::Range(0, 35))
       ->capture_default_str();
+  app.add_option("--motion", request.motion,
+                 "folder of recorded motion, for the scenes motion-...; default: the environment variable "
+                 "SIGHTLINE_MOTION");
   std::string group = "study";
   app.add_option("--tiles", request.tiles,
                  "folder of the tile set, for the scenes tile-...; default: the environment variable SIGHTLINE_TILES");
-  app.add_option("--group", group, "scenes to make when none is named: study, levels, tiles or situations")
+  app.add_option("--group", group, "scenes to make when none is named; --list shows the groups")
       ->check([](const std::string& name) { return find_group(name) ? "" : "no group '" + name + "'; see --list"; })
       ->capture_default_str();
   app.add_flag("--list", list, "print the names and stop");

@@ -20,6 +20,12 @@ void put_attributes(Json& role, const InstanceAttributes& attributes) {
   if (attributes.visible != defaults.visible) role["visible"] = attributes.visible;
 }
 
+Json target_role(double weight, const TargetTimes& during) {
+  Json role = {{"role", "target"}, {"weight", weight}, {"required", true}};
+  if (!during.empty()) role["during"] = during;
+  return role;
+}
+
 Json extras_of(const Json& role) {
   return role.empty() ? Json() : Json::object({{"sightline", role}});
 }
@@ -86,7 +92,7 @@ int ScenarioBuilder::add_moving(const std::string& name, int mesh, const Motion&
   return node;
 }
 
-void ScenarioBuilder::add_character(const std::string& name, const Motion& motion) {
+void ScenarioBuilder::add_character(const std::string& name, const Motion& motion, const TargetTimes& during) {
   if (body_mesh_ < 0) {
     MeshData body, visor;
     append_capsule(body, {0, 0, 0}, kBodyRadius_m, kBodyHeight_m, 16, 4);
@@ -94,12 +100,13 @@ void ScenarioBuilder::add_character(const std::string& name, const Motion& motio
     body_mesh_ = writer_.add_mesh("body", body, colors::kBody);
     visor_mesh_ = writer_.add_mesh("visor", visor, colors::kVisor);
   }
-  const int node = add_moving(name, body_mesh_, motion, {{"role", "target"}, {"weight", 1}, {"required", true}});
+  const int node = add_moving(name, body_mesh_, motion, target_role(1, during));
   writer_.add_node({name + "-visor", node, visor_mesh_, -1, {}, {1, 0, 0, 0}, {}});
 }
 
-void ScenarioBuilder::add_target(const std::string& name, int mesh, const Motion& motion, double weight) {
-  add_moving(name, mesh, motion, {{"role", "target"}, {"weight", weight}, {"required", true}});
+void ScenarioBuilder::add_target(const std::string& name, int mesh, const Motion& motion, double weight,
+                                 const TargetTimes& during) {
+  add_moving(name, mesh, motion, target_role(weight, during));
 }
 
 void ScenarioBuilder::add_occluder(const std::string& name, int mesh, const Motion& motion,

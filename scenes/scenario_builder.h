@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <glm/glm.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "scenes/glb_writer.h"
@@ -36,6 +37,9 @@ struct CameraMotion {
   double max_acceleration_mps2 = 0.0;
 };
 
+// When a body is a target: [from, to) in seconds, in the order of time. Empty: always.
+using TargetTimes = std::vector<std::pair<double, double>>;
+
 // "column", 3 -> "column-3".
 std::string numbered(std::string name, int number);
 
@@ -48,9 +52,10 @@ class ScenarioBuilder {
                   const glm::dquat& rotation = {1, 0, 0, 0}, const InstanceAttributes& attributes = {});
   // A character 1.8 m high and 0.6 m across with its feet at the node's origin, facing +Z: a capsule, and
   // below it in the hierarchy a visor.
-  void add_character(const std::string& name, const Motion& motion);
+  void add_character(const std::string& name, const Motion& motion, const TargetTimes& during = {});
   // A target of another shape.
-  void add_target(const std::string& name, int mesh, const Motion& motion, double weight = 1.0);
+  void add_target(const std::string& name, int mesh, const Motion& motion, double weight = 1.0,
+                  const TargetTimes& during = {});
   void add_occluder(const std::string& name, int mesh, const Motion& motion, const InstanceAttributes& attributes);
   // Where the camera starts, and how fast it may move; 0 leaves the default of the session.
   void add_camera(const glm::dvec3& eye_m, const glm::dvec3& at_m, const CameraMotion& motion = {});

@@ -61,6 +61,8 @@ Result<BenchWorld> BenchWorld::make(std::span<const std::byte> scene, const Benc
   if (!scenario) return tl::unexpected(scenario.error());
   if (scenario->targets().empty())
     return invalid("scene", "no node has the role \"target\", so no path is known for targets");
+  if (!scenario->target_changes_s().empty())
+    return invalid("scene", "the targets change in the course of the scene; the load needs the same all the time");
   return BenchWorld(std::move(*scenario), options);
 }
 

@@ -270,6 +270,8 @@ Timeline timeline_of(double tick_s, size_t ticks, size_t ticks_per_picture) {
 Result<CeilingPlan> plan_ceiling(const Scenario& scenario, GeometryStore& store, EmbreeDevice& device,
                                  ExtentCache& extents, const Timeline& timeline, const CameraLimits& limits,
                                  const MoveSettings& place_limits, const PlanOptions& options) {
+  if (!scenario.target_changes_s().empty())
+    return fail(ErrorCode::kFailedPrecondition, "targets", "a ceiling needs the same targets all the time");
   auto world = ScenarioWorld::make(scenario, store, device);
   if (!world) return tl::unexpected(world.error());
   return Planner(**world, extents, timeline, limits, place_limits, options).plan();

@@ -36,20 +36,18 @@ std::vector<TrackedTarget> tracked_targets(const ScenarioWorld& world) {
 }
 
 SightEstimate::SightEstimate(const ScenarioWorld& world, ExtentCache& extents, const MoveSettings& limits, size_t rays)
-    : world_(world), limits_(limits), lens_(world.scenario().lens()), rays_(rays) {
-  for (const Target& target : world.targets()) {
-    Body& body = bodies_.emplace_back();
-    body.surface = extents.get(world.mirror().find(target.instance_id)->geometry);
-    body.slot = *world.mirror().slot_of(target.instance_id);
-    body.layer_mask = target.layer_mask;
-  }
-}
+    : world_(world), extents_(extents), limits_(limits), lens_(world.scenario().lens()), rays_(rays) {}
 
 void SightEstimate::refresh(size_t turn) {
   first_point_ = turn * rays_ % kExtentPoints;
   targets_ = tracked_targets(world_);
   place_limits_.emplace(targets_, limits_);
-  for (Body& body : bodies_) {
+  bodies_.clear();
+  for (const Target& target : world_.targets()) {
+    Body& body = bodies_.emplace_back();
+    body.surface = extents_.get(world_.mirror().find(target.instance_id)->geometry);
+    body.slot = *world_.mirror().slot_of(target.instance_id);
+    body.layer_mask = target.layer_mask;
     body.world_from_mesh = world_.mirror().instances()[body.slot].world_from_instance;
     body.mesh_from_world = inverse(body.world_from_mesh);
   }

@@ -27,14 +27,14 @@ struct TargetsSeen {
   double least_share = 0.0;  // of the target that is seen least
 };
 
-// `world` and `limits` must outlive the object. Used by one thread at a time.
+// `world`, `extents` and `limits` must outlive the object. Used by one thread at a time.
 class SightEstimate {
  public:
   // `rays`: number of rays to each target in `from`, [1, kExtentPoints].
   SightEstimate(const ScenarioWorld& world, ExtentCache& extents, const MoveSettings& limits, size_t rays);
 
-  // Takes over the present time of the world. The number `turn` selects the surface points of the targets that are
-  // used.
+  // Takes over the present time of the world, and its targets. The number `turn` selects the surface points of the
+  // targets that are used.
   void refresh(size_t turn);
   TargetsSeen from(const glm::dvec3& eye_m) const;
   // The two parts of `from`. is_allowed returns whether the limits of distance and elevation hold. `shares` ignores the
@@ -66,6 +66,7 @@ class SightEstimate {
   bool fits(const glm::dvec3& eye_m) const;
 
   const ScenarioWorld& world_;
+  ExtentCache& extents_;
   const MoveSettings& limits_;
   const Lens lens_;
   const size_t rays_;

@@ -73,6 +73,9 @@ void add_evaluate(CLI::App& app, sightline::EvaluateOptions& options) {
   evaluate->add_option(
       "--tiles", options.tiles,
       "Folder of the tile set for the group tiles (default: the environment variable SIGHTLINE_TILES)");
+  evaluate->add_option(
+      "--motion", options.motion,
+      "Folder of recorded motion for the group motion (default: the environment variable SIGHTLINE_MOTION)");
   std::vector<std::string> names;
   for (const sightline::PolicyEntry& policy : sightline::policies()) names.push_back(policy.name);
   evaluate

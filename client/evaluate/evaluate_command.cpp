@@ -28,7 +28,7 @@ uint64_t seed_of(const EvaluateOptions& options, int k) {
 
 void add_seeds(const CatalogEntry& entry, const std::string& name, SceneRequest request, const EvaluateOptions& options,
                std::vector<SceneCase>& cases) {
-  request.tiles = options.tiles;
+  request.tiles = options.tiles, request.motion = options.motion;
   for (int k = 0; k < options.seeds; ++k) {
     request.seed = seed_of(options, k);
     const auto load = [&entry, request](GeometryStore& store) -> Result<Scenario> {
@@ -51,11 +51,13 @@ void add_sizes(const CatalogEntry& entry, int SceneRequest::*size, std::initiali
   }
 }
 
-// The tiles are looked for before anything is played.
+// Tiles and recordings are looked for before anything is played.
 Status add_generated(const CatalogEntry& entry, const EvaluateOptions& options, std::vector<SceneCase>& cases) {
   if (entry.group == SceneGroup::kTiles)
     if (const auto tiles = scenes::read_tiles(scenes::tiles_folder(options.tiles)); !tiles)
       return tl::unexpected(tiles.error());
+  if (entry.group == SceneGroup::kMotion)
+    if (const auto made = entry.make({.motion = options.motion}); !made) return tl::unexpected(made.error());
   if (entry.name == "arena")
     add_sizes(entry, &SceneRequest::arena_targets, {2, 3, 4, 5, 6, 7, 8}, options, cases);
   else if (entry.name == "crowd")

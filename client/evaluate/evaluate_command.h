@@ -22,6 +22,8 @@ struct EvaluateOptions {
   std::vector<std::string> groups;  // of generated scenes, by name; without scenes and groups: "study"
   // folder of the tile set; empty: the environment variable SIGHTLINE_TILES names it
   std::string tiles;
+  // the same of recorded motion: SIGHTLINE_MOTION
+  std::string motion;
   std::vector<std::string> policies;  // names; empty: all built-in policies but the ceilings
   std::vector<std::string> settings;  // NAME=JSON, each a further policy (read_named_settings in policy.h)
   int seeds = 5;                      // [1, 100]: how many, one after the other
@@ -40,7 +42,7 @@ struct EvaluateOptions {
 // The scene cases that the options ask for, one a seed. A generated scene that comes in several sizes gives a case for
 // each size: the arena with 2 to 8 targets, the crowd with 0 to 35 others. A file is the same at every seed; only the
 // session's seed changes. kNotFound: a name is neither a generated scene nor a file, a group does not exist, or a scene
-// of tiles lacks its folder.
+// of tiles or of recorded motion lacks its folder.
 Result<std::vector<SceneCase>> cases_of(const EvaluateOptions& options);
 
 // 0 when everything was played and written, else 1 with the reason on `err`.

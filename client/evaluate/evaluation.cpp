@@ -178,11 +178,12 @@ class Run {
                                     picture->least_whole_share(), picture->fully_hidden(), played.tracking[i]});
     auto world = ScenarioWorld::make(scenario, shared_.store, shared_.device);
     if (!world) return tl::unexpected(world.error());
-    record_.reaction = measure_reaction(**world, played.frames);
+    const bool same_targets = scenario.target_changes_s().empty();
+    if (same_targets) record_.reaction = measure_reaction(**world, played.frames);
     record_.longest_blind_with_way_s = longest_blind_with_way_s(**world, played.frames, *truths, limits_);
     if (auto drawn = draw_sheet(**world, played.frames); !drawn) return drawn;
     judge_against_targets(**world, played, *truths);
-    record_.obstructions = check_obstructions(**world, played.asked_places);
+    if (same_targets) record_.obstructions = check_obstructions(**world, played.asked_places);
     record_.reasons = check_reasons(**world, shared_.extents, played.claims);
     return {};
   }
@@ -219,13 +220,15 @@ class Run {
       const CameraFrame& frame = played.frames[i];
       world.set_time(frame.time_s);
       centers_m.push_back(world.targets_center_m());
-      goals.push_back({frame.time_s, played.goals_m[i], centers_m.back(), frame.jump});
+      goals.push_back({frame.time_s, played.goals_m[i], centers_m.back(), frame.jump || truths[i].other_targets});
     }
-    record_.turns = answers_to_turns(played.frames, centers_m);
-    record_.coherence = policy_.shot.number == 0
-                            ? coherence_of(played.frames, centers_m, truths)
-                            : coherence_of(played.frames, shots_as_asked(policy_.shot, world, played.frames), truths,
-                                           policy_.shot.tolerance);
+    if (world.scenario().target_changes_s().empty()) record_.turns = answers_to_turns(played.frames, centers_m);
+    const bool asked = policy_.shot.number != 0;
+    const double tolerance = asked ? policy_.shot.tolerance : 1.0;
+    const std::vector<FrameShot> shots = asked ? shots_as_asked(policy_.shot, world, played.frames)
+                                               : shots_as_begun(played.frames, centers_m);
+    record_.coherence = coherence_of(played.frames, shots, truths, tolerance);
+    record_.changes = answers_to_changes(played.frames, shots, truths, tolerance);
     if (std::any_of(goals.begin(), goals.end(), [](const GoalSample& g) { return g.goal_m.has_value(); }))
       record_.goals = goals_of(goals);
   }

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "client/evaluate/policy.h"
+#include "client/truth/changes.h"
 #include "client/truth/coherence.h"
 #include "client/truth/metrics.h"
 #include "client/truth/reaction.h"
@@ -60,9 +61,11 @@ struct RunRecord {
   size_t target_count = 0;
   std::string policy;
   RunMetrics metrics;
+  // Reactions, turns and obstructions follow single targets: all 0 where the targets change.
   ReactionMetrics reaction;
   TurnMetrics turns;
   CoherenceMetrics coherence;
+  ChangeMetrics changes;                  // of targets
   double longest_blind_with_way_s = 0.0;  // client/truth/free_way.h
   // Only for policies that say what they see, what their status is, and where they head.
   std::optional<ReportMetrics> reports;

@@ -16,7 +16,8 @@ double spring_arm_length_m(double present_m, double free_m, double dt_s, const S
 
 SpringArmPolicy::SpringArmPolicy(const PolicySite& site, std::unique_ptr<ScenarioWorld> world)
     : settings_(), lens_(site.scenario.lens()), world_(std::move(world)), follow_(*world_) {
-  for (const Target& target : world_->targets()) target_slots_.push_back(*world_->mirror().slot_of(target.instance_id));
+  for (const ScenarioActor& actor : site.scenario.actors())
+    if (actor.is_target) target_slots_.push_back(*world_->mirror().slot_of(actor.id));
   std::sort(target_slots_.begin(), target_slots_.end());
 }
 

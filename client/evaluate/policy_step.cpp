@@ -1,6 +1,7 @@
 // Sightline's own step as a policy: a session in this process that gets the ticks which a game server would stream.
 #include <algorithm>
 #include <cctype>
+#include <utility>
 
 #include "client/base/wire_presets.h"
 #include "client/evaluate/policy.h"
@@ -29,7 +30,9 @@ class StepPolicy : public CameraPolicy {
         session_(std::move(session)) {}
 
   Result<PolicyStep> next(double time_s, double dt_s) override {
-    if (auto applied = session_->apply(tick_at(time_s, dt_s)); !applied) return tl::unexpected(applied.error());
+    TickInput tick = tick_at(time_s, dt_s);
+    if (scenario_.targets_change(std::exchange(last_s_, time_s), time_s)) tick.targets = targets_at(scenario_, time_s);
+    if (auto applied = session_->apply(tick); !applied) return tl::unexpected(applied.error());
     auto answer = session_->step();
     if (!answer) return tl::unexpected(answer.error());
     PolicyStep step;
@@ -70,6 +73,7 @@ class StepPolicy : public CameraPolicy {
   const CameraLimits limits_;
   const std::unique_ptr<Session> session_;
   uint64_t sequence_ = 0;
+  double last_s_ = 0.0;
   std::optional<ReasonClaim> claim_;  // of the newest decision
 };
 
@@ -77,12 +81,8 @@ Status add_scene(const Scenario& scenario, GeometryStore& store, SessionOptions&
   std::vector<NodeBinding> bindings;
   for (const ScenarioActor& actor : scenario.actors()) {
     bindings.push_back({actor.name, actor.id});
-    if (!actor.is_target) continue;
-    Target& target = options.targets.emplace_back();
-    target.instance_id = actor.id;
-    target.weight = actor.weight;
-    target.required = actor.required;
   }
+  options.targets = targets_at(scenario, 0.0);
   auto instances = instantiate(scenario.asset(), bindings, store);
   if (!instances) return tl::unexpected(instances.error());
   for (size_t i = 0; i < bindings.size(); ++i) (*instances)[i].moving = true;

@@ -42,12 +42,35 @@ glm::dquat rest_rotation(const SceneAsset& asset, int node) {
   return glm::normalize(rotation);
 }
 
+// The value of "during".
+Result<std::vector<TimeSpan>> spans_of(const Json& list, const std::string& field) {
+  constexpr const char* kShape = "must be a list of pairs [from, to] in seconds, in the order of time";
+  std::vector<TimeSpan> spans;
+  if (!list.is_array()) return invalid(field, kShape);
+  for (const Json& pair : list) {
+    if (!pair.is_array() || pair.size() != 2 || !pair[0].is_number() || !pair[1].is_number())
+      return invalid(field, kShape);
+    const TimeSpan span{pair[0].get<double>(), pair[1].get<double>()};
+    if (!(span.from_s < span.to_s) || (!spans.empty() && span.from_s < spans.back().to_s))
+      return invalid(field, kShape);
+    spans.push_back(span);
+  }
+  if (spans.empty()) return invalid(field, "must not be empty");
+  return spans;
+}
+
 std::vector<Affine> world_at(const SceneAsset& asset, double time_s) {
   if (asset.animations.empty()) return rest_world_from_node(asset);
   return animated_world_from_node(asset, asset.animations.front(), time_s);
 }
 
 }  // namespace
+
+bool ScenarioActor::is_target_at(double time_s) const {
+  return is_target && weight > 0.0 && (during.empty() || std::ranges::any_of(during, [time_s](const TimeSpan& span) {
+                                         return span.from_s <= time_s && time_s < span.to_s;
+                                       }));
+}
 
 bool has_roles(const SceneAsset& asset) {
   return std::ranges::any_of(asset.nodes,
@@ -64,6 +87,7 @@ Result<Scenario> Scenario::from_asset(std::shared_ptr<const SceneAsset> asset) {
   Scenario scenario;
   scenario.asset_ = std::move(asset);
   if (auto taken = scenario.take_roles(); !taken) return tl::unexpected(taken.error());
+  if (auto found = scenario.find_target_changes(); !found) return tl::unexpected(found.error());
   scenario.remember_rest();
   return scenario;
 }
@@ -88,10 +112,17 @@ Status Scenario::take_role(int node) {
   if (!required.is_boolean() && required != 0 && required != 1)
     return invalid(field_of(asset_node, "required"), "must be true or false");
   if (*role == "camera") return take_camera(node);
-  return take_actor(node, role->get<std::string>(), weight.get<double>(), required == true || required == 1);
+  ScenarioActor actor;
+  actor.weight = weight.get<double>(), actor.required = required == true || required == 1;
+  if (const auto during = extras.find("during"); during != extras.end()) {
+    auto spans = spans_of(*during, field_of(asset_node, "during"));
+    if (!spans) return tl::unexpected(spans.error());
+    actor.during = std::move(*spans);
+  }
+  return take_actor(node, role->get<std::string>(), std::move(actor));
 }
 
-Status Scenario::take_actor(int node, const std::string& role, double weight, bool required) {
+Status Scenario::take_actor(int node, const std::string& role, ScenarioActor actor) {
   const AssetNode& asset_node = asset_->nodes[node];
   if (role != "target" && role != "occluder")
     return invalid(field_of(asset_node, "role"), "must be target, occluder or camera, got \"" + role + "\"");
@@ -99,7 +130,24 @@ Status Scenario::take_actor(int node, const std::string& role, double weight, bo
                                        [&](const AssetNode& other) { return other.name == asset_node.name; });
   if (asset_node.name.empty() || same_name != 1)
     return invalid(field_of(asset_node, "role"), "a node with a role needs a name that no other node has");
-  actors_.push_back({actors_.size() + 1, node, asset_node.name, role == "target", weight, required});
+  actor.id = actors_.size() + 1, actor.node = node, actor.name = asset_node.name, actor.is_target = role == "target";
+  actors_.push_back(std::move(actor));
+  return {};
+}
+
+Status Scenario::find_target_changes() {
+  std::vector<double> times_s{0.0};
+  for (const ScenarioActor& actor : actors_)
+    for (const TimeSpan& span : actor.during)
+      for (const double time_s : {span.from_s, span.to_s})
+        if (time_s > 0.0 && time_s <= duration_s()) times_s.push_back(time_s);
+  if (std::ranges::all_of(actors_, [](const ScenarioActor& actor) { return actor.during.empty(); })) return {};
+  std::ranges::sort(times_s);
+  times_s.erase(std::unique(times_s.begin(), times_s.end()), times_s.end());
+  for (const double time_s : times_s)
+    if (std::ranges::none_of(actors_, [time_s](const ScenarioActor& actor) { return actor.is_target_at(time_s); }))
+      return invalid("nodes", "no node is a target at " + std::to_string(time_s) + " s");
+  target_changes_s_.assign(times_s.begin() + 1, times_s.end());
   return {};
 }
 
@@ -134,6 +182,11 @@ std::vector<ScenarioActor> Scenario::targets() const {
   std::copy_if(actors_.begin(), actors_.end(), std::back_inserter(targets),
                [](const ScenarioActor& actor) { return actor.is_target; });
   return targets;
+}
+
+bool Scenario::targets_change(double after_s, double until_s) const {
+  return std::ranges::any_of(target_changes_s_,
+                             [=](double change_s) { return after_s < change_s && change_s <= until_s; });
 }
 
 double Scenario::duration_s() const {

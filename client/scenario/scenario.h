@@ -2,6 +2,8 @@
 //
 //   "extras": {"sightline": {"role": "target", "weight": 1.0, "required": true}}    role: target | occluder | camera
 //
+// A target may be one for a part of the time only: "during": [[0, 4], [12, 16]], in seconds.
+//
 // A target or occluder is a node that moves with the file's first animation. The camera node is where the camera
 // starts; a glTF camera on it defines the lens. All other nodes stand still.
 //
@@ -21,6 +23,11 @@
 
 namespace sightline {
 
+// [from_s, to_s).
+struct TimeSpan {
+  double from_s = 0.0, to_s = 0.0;
+};
+
 struct ScenarioActor {
   uint64_t id = 0;         // 1, 2, ... in the order of the file's nodes: what the node is bound to
   int node = -1;           // index into the asset's nodes
@@ -28,6 +35,10 @@ struct ScenarioActor {
   bool is_target = false;  // else an occluder
   double weight = 1.0;
   bool required = true;
+  std::vector<TimeSpan> during = {};  // when it is a target, in the order of time; empty: always
+
+  // A target at this time, with a weight above 0.
+  bool is_target_at(double time_s) const;
 };
 
 // The motion of one actor at one time. The pose has no scale, as in a NodeBinding.
@@ -39,14 +50,19 @@ struct ActorMotion {
 class Scenario {
  public:
   // Errors name the node: field "nodes[Guard].extras.sightline.role". kInvalidArgument: an unknown role, no camera, or
-  // more than one. Also a role on a node whose name is missing or not unique, and a weight that is not a number >= 0.
+  // more than one. Also a role on a node whose name is missing or not unique, a weight that is not a number >= 0, spans
+  // of time that are not in order, and a time at which no node is a target although some are at others.
   static Result<Scenario> from_asset(std::shared_ptr<const SceneAsset> asset);
   // Reads the file first.
   static Result<Scenario> read(const std::string& path, GeometryStore& store);
 
   const SceneAsset& asset() const { return *asset_; }
   const std::vector<ScenarioActor>& actors() const { return actors_; }
-  std::vector<ScenarioActor> targets() const;
+  std::vector<ScenarioActor> targets() const;  // all that are targets at some time
+  // When other nodes become the targets, in (0, duration_s()], increasing. Empty: they are the same all the time.
+  const std::vector<double>& target_changes_s() const { return target_changes_s_; }
+  // True if they do in (after_s, until_s].
+  bool targets_change(double after_s, double until_s) const;
   // The length of the first animation; 0 when there is none.
   double duration_s() const;
   // The camera's start and its lens (design 2: 40 degrees and 16:9 unless the file says otherwise).
@@ -63,13 +79,15 @@ class Scenario {
   Scenario() = default;
   Status take_roles();
   Status take_role(int node);
-  Status take_actor(int node, const std::string& role, double weight, bool required);
+  Status take_actor(int node, const std::string& role, ScenarioActor actor);
+  Status find_target_changes();
   Status take_camera(int node);
   void take_lens(const AssetCamera& camera);
   void remember_rest();
 
   std::shared_ptr<const SceneAsset> asset_;
   std::vector<ScenarioActor> actors_;
+  std::vector<double> target_changes_s_;
   int camera_node_ = -1;
   Pose camera_;
   Lens lens_;

@@ -1,6 +1,15 @@
 #include "client/scenario/scenario_session.h"
 
 namespace sightline {
+namespace {
+
+void set_target(const ScenarioActor& actor, v1::Target* target) {
+  target->set_id(actor.id);
+  target->set_weight(actor.weight);
+  target->set_required(actor.required);
+}
+
+}  // namespace
 
 void set_pose(const Pose& pose, v1::Pose3* message) {
   message->mutable_position()->set_x(pose.position_m.x);
@@ -27,11 +36,8 @@ v1::OpenSession open_request(const Scenario& scenario, const std::string& scene_
     v1::NodeBinding* binding = open.mutable_scene()->add_bindings();
     binding->set_node(actor.name);
     binding->set_id(actor.id);
-    if (!actor.is_target) continue;
-    v1::Target* target = open.add_targets();
-    target->set_id(actor.id);
-    target->set_weight(actor.weight);
-    target->set_required(actor.required);
+    // Without a change, targets without weight are listed too.
+    if (actor.is_target && (actor.during.empty() || actor.is_target_at(0.0))) set_target(actor, open.add_targets());
   }
   set_pose(scenario.camera(), open.mutable_camera());
   open.mutable_lens()->set_field_of_view(scenario.lens().vertical_fov_rad);
@@ -57,6 +63,10 @@ v1::Tick tick_at(const Scenario& scenario, uint64_t sequence, double time_s, dou
     for (const double value : {velocity.x, velocity.y, velocity.z})
       transforms.add_velocities(static_cast<float>(value));
   }
+  // A little less than a step, so that rounding cannot send a change twice.
+  if (scenario.targets_change(time_s - step_s * (1 - 1e-6), time_s))
+    for (const ScenarioActor& actor : scenario.actors())
+      if (actor.is_target_at(time_s)) set_target(actor, tick.mutable_targets()->add_targets());
   return tick;
 }
 

@@ -7,15 +7,7 @@ namespace sightline {
 ScenarioWorld::ScenarioWorld(const Scenario& scenario, EmbreeDevice& device)
     : scenario_(scenario),
       occluders_(device, EmbreeScene::Content::kOccluders),
-      colliders_(device, EmbreeScene::Content::kColliders) {
-  for (const ScenarioActor& actor : scenario.actors()) {
-    if (!actor.is_target || actor.weight == 0.0) continue;
-    Target& target = targets_.emplace_back();
-    target.instance_id = actor.id;
-    target.weight = actor.weight;
-    target.required = actor.required;
-  }
-}
+      colliders_(device, EmbreeScene::Content::kColliders) {}
 
 Result<std::unique_ptr<ScenarioWorld>> ScenarioWorld::make(const Scenario& scenario, GeometryStore& store,
                                                            EmbreeDevice& device) {
@@ -42,6 +34,7 @@ void ScenarioWorld::set_time(double time_s) {
   assert(applied);  // the same actors that were added
   occluders_.take_in(mirror_);
   colliders_.take_in(mirror_);
+  targets_ = targets_at(scenario_, time_s);
 }
 
 glm::dvec3 ScenarioWorld::targets_center_m() const {
@@ -61,6 +54,18 @@ bool ScenarioWorld::is_aim_hidden(const Target& target, const glm::dvec3& from_m
   others.ignored_slots = std::span(&own, 1);
   const glm::dvec3 aim_m = aim_point_m(mirror_.instances()[own]);
   return occluders_.is_blocked(aim_m, glm::vec3(from_m - aim_m), 0.0f, 1.0f, others);
+}
+
+std::vector<Target> targets_at(const Scenario& scenario, double time_s) {
+  std::vector<Target> targets;
+  for (const ScenarioActor& actor : scenario.actors()) {
+    if (!actor.is_target_at(time_s)) continue;
+    Target& target = targets.emplace_back();
+    target.instance_id = actor.id;
+    target.weight = actor.weight;
+    target.required = actor.required;
+  }
+  return targets;
 }
 
 glm::dvec3 aim_point_m(const Instance& target) {

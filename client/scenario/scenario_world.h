@@ -19,14 +19,14 @@ class ScenarioWorld {
   static Result<std::unique_ptr<ScenarioWorld>> make(const Scenario& scenario, GeometryStore& store,
                                                      EmbreeDevice& device);
 
-  // Moves all actors to their poses at `time_s`.
+  // Moves all actors to their poses at `time_s`, and takes the targets of that time.
   void set_time(double time_s);
 
   const Scenario& scenario() const { return scenario_; }
   const SceneMirror& mirror() const { return mirror_; }
   const EmbreeScene& occluders() const { return occluders_; }
   const EmbreeScene& colliders() const { return colliders_; }
-  // The scenario's targets with a weight above 0, as a session has them.
+  // The scenario's targets at the present time, with a weight above 0, as a session has them.
   const std::vector<Target>& targets() const { return targets_; }
   // The weighted mean of the targets' aim points at the present time; world, metres. There must be a target.
   glm::dvec3 targets_center_m() const;
@@ -41,6 +41,9 @@ class ScenarioWorld {
   EmbreeScene occluders_, colliders_;
   std::vector<Target> targets_;
 };
+
+// The scenario's targets at a time, with a weight above 0.
+std::vector<Target> targets_at(const Scenario& scenario, double time_s);
 
 // The centre of the target's bounding box in the world, which is the default aim point.
 glm::dvec3 aim_point_m(const Instance& target);

@@ -9,13 +9,6 @@
 #include "client/truth/motion.h"
 
 namespace sightline {
-namespace {
-
-double largest_of(const ShotDeviation& deviation) {
-  return std::max({deviation.side, deviation.height, deviation.size, deviation.place});
-}
-
-}  // namespace
 
 ShotProperties shot_properties(const CameraFrame& frame, const glm::dvec3& center_m) {
   const glm::dvec3 in_view_m = inverse_transform_point(frame.camera, center_m);
@@ -25,6 +18,10 @@ ShotProperties shot_properties(const CameraFrame& frame, const glm::dvec3& cente
                                                (depth_m * std::tan(frame.lens.vertical_fov_rad / 2))
                                          : glm::dvec2(std::numeric_limits<double>::infinity());
   return shot;
+}
+
+double largest_of(const ShotDeviation& deviation) {
+  return std::max({deviation.side, deviation.height, deviation.size, deviation.place});
 }
 
 double mean_of(const ShotDeviation& deviation) {
@@ -38,14 +35,13 @@ double sight_loss(const PictureTruth& picture) {
   return picture.targets.empty() ? 0.0 : loss / static_cast<double>(picture.targets.size());
 }
 
-CoherenceMetrics coherence_of(std::span<const CameraFrame> frames, std::span<const glm::dvec3> centers_m,
-                              std::span<const FrameTruth> truths) {
+std::vector<FrameShot> shots_as_begun(std::span<const CameraFrame> frames, std::span<const glm::dvec3> centers_m) {
   std::vector<FrameShot> shots;
   for (size_t i = 0; i < frames.size(); ++i) {
     const ShotProperties now = shot_properties(frames[i], centers_m[i]);
     shots.push_back({i == 0 ? now : shots[0].asked, now});
   }
-  return coherence_of(frames, shots, truths);
+  return shots;
 }
 
 CoherenceMetrics coherence_of(std::span<const CameraFrame> frames, std::span<const FrameShot> shots,
@@ -70,7 +66,7 @@ CoherenceMetrics coherence_of(std::span<const CameraFrame> frames, std::span<con
     metrics.high_share += shot.height_rad > kHighRad;
     metrics.mean.side += now.side, metrics.mean.height += now.height, metrics.mean.size += now.size,
         metrics.mean.place += now.place;
-    metrics.kept_share += largest_of(now) <= 0.5;
+    metrics.kept_share += largest_of(now) <= kKeptDeviation;
   }
   const auto count = static_cast<double>(frames.size());
   for (double* const sum : {&metrics.mean.side, &metrics.mean.height, &metrics.mean.size, &metrics.mean.place,

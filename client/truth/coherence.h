@@ -23,8 +23,15 @@ struct FrameShot {
   ShotProperties asked, now;
 };
 
-// The mean of the four deviations.
+// The shot of the first frame, asked for at each. `centers_m`: the weighted centre of the targets at each frame; world,
+// as long as `frames`.
+std::vector<FrameShot> shots_as_begun(std::span<const CameraFrame> frames, std::span<const glm::dvec3> centers_m);
+
+// The mean of the four deviations, and the largest.
 double mean_of(const ShotDeviation& deviation);
+double largest_of(const ShotDeviation& deviation);
+// A frame keeps its shot while no property deviates by more than this.
+inline constexpr double kKeptDeviation = 0.5;
 
 // What a picture lacks of the targets' whole bodies, [0, 1], hidden and cut off alike (see add_outlines). Each target
 // loses nothing up to 5 %. All count alike.
@@ -43,11 +50,8 @@ struct CoherenceMetrics {
   // declared jump of the camera are left out.
   double mean_acceleration_mps2 = 0.0;
 };
-// `centers_m`: the weighted centre of the targets at each frame; world, as long as `frames`. `truths`: as long, or
-// empty. All 0 without frames.
-CoherenceMetrics coherence_of(std::span<const CameraFrame> frames, std::span<const glm::dvec3> centers_m,
-                              std::span<const FrameTruth> truths);
-// The same for any shot: `shots` are as long as `frames`. `tolerance` as in deviation_between.
+// `shots` are as long as `frames`, `truths` as well, or empty. `tolerance` as in deviation_between. All 0 without
+// frames.
 CoherenceMetrics coherence_of(std::span<const CameraFrame> frames, std::span<const FrameShot> shots,
                               std::span<const FrameTruth> truths, double tolerance = 1.0);
 

@@ -23,8 +23,10 @@ FrameTruth judge_at(ScenarioWorld& world, std::span<const CameraFrame> frames, s
   const CameraFrame& before = i == 0 || frame.jump ? frame : frames[i - 1];
   world.set_time(frame.time_s);
   const bool picture = options.picture_every > 0 && i % static_cast<size_t>(options.picture_every) == 0;
-  return judge_frame({world.mirror(), world.targets(), world.occluders(), world.colliders()}, before.camera.position_m,
-                     frame, picture ? options.picture_size : 0);
+  FrameTruth truth = judge_frame({world.mirror(), world.targets(), world.occluders(), world.colliders()},
+                                 before.camera.position_m, frame, picture ? options.picture_size : 0);
+  truth.other_targets = i > 0 && world.scenario().targets_change(frames[i - 1].time_s, frame.time_s);
+  return truth;
 }
 
 }  // namespace

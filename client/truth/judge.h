@@ -25,6 +25,7 @@ struct FrameTruth {
   // Each target's centre in the picture, in picture heights from the middle, right and up; none when it is outside the
   // picture. Filled for every frame, in the order of ScenarioWorld::targets().
   std::vector<std::optional<glm::dvec2>> centers;
+  bool other_targets = false;           // than at the frame before
   std::optional<PictureTruth> picture;  // only at every picture_every-th frame
 };
 

@@ -51,7 +51,7 @@ void add_travel(std::span<const CameraFrame> frames, std::span<const FrameTruth>
   for (size_t i = 1; i < frames.size(); ++i) {
     if (frames[i].jump) continue;
     metrics.d_c_m += glm::distance(frames[i].camera.position_m, frames[i - 1].camera.position_m);
-    if (truths.empty()) continue;
+    if (truths.empty() || truths[i].other_targets) continue;
     const auto &before = truths[i - 1].centers, &now = truths[i].centers;
     for (size_t k = 0; k < std::min(before.size(), now.size()); ++k)
       if (before[k] && now[k]) metrics.d_s_heights += glm::distance(*before[k], *now[k]);

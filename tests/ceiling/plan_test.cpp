@@ -58,7 +58,7 @@ Played played(const test::SmallScene& scene, double duration_s, const CameraLimi
   std::vector<glm::dvec3> centers_m;
   for (const CameraFrame& frame : run.frames)
     world->set_time(frame.time_s), centers_m.push_back(world->targets_center_m());
-  run.coherence = coherence_of(run.frames, centers_m, *truths);
+  run.coherence = coherence_of(run.frames, shots_as_begun(run.frames, centers_m), *truths);
   const double reached = aim == PlanAim::kJoint ? run.metrics.joint_visible_share() : run.coherence.mean_worth;
   EXPECT_LE(reached, run.plan.most + (aim == PlanAim::kJoint ? 1e-9 : 0.03)) << "worth is estimated with few rays";
   return run;

@@ -323,6 +323,63 @@ TEST(ScenarioMessages, TheOpenRequestBindsAllActorsAndListsTheTargets) {
   EXPECT_EQ(open.lens().near_m(), 0.25);
 }
 
+TEST(ScenarioTargets, OnesForAPartOfTheTimeFollowTheirSpans) {
+  Asset asset;
+  const int anna = asset.add("anna", {{"sightline", {{"role", "target"}, {"during", {{0, 1}, {2, 9}}}}}});
+  asset.add("ben", {{"sightline", {{"role", "target"}, {"weight", 2}, {"during", {{1, 2.5}}}}}});
+  asset.animate(anna, AssetChannel::Path::kTranslation, {0, 3}, {0, 0, 0, 1, 0, 0});
+  const auto scenario = asset.read();
+  ASSERT_TRUE(scenario) << to_string(scenario.error());
+  EXPECT_EQ(scenario->target_changes_s(), (std::vector<double>{1, 2, 2.5}));
+  const auto ids = [&](double time_s) {
+    std::vector<uint64_t> found;
+    for (const ScenarioActor& actor : scenario->actors())
+      if (actor.is_target_at(time_s)) found.push_back(actor.id);
+    return found;
+  };
+  EXPECT_EQ(ids(0), (std::vector<uint64_t>{1}));
+  EXPECT_EQ(ids(0.999), (std::vector<uint64_t>{1}));
+  EXPECT_EQ(ids(1), (std::vector<uint64_t>{2}));
+  EXPECT_EQ(ids(2), (std::vector<uint64_t>{1, 2}));
+  EXPECT_EQ(ids(2.5), (std::vector<uint64_t>{1}));
+  EXPECT_TRUE(scenario->targets_change(0.9, 1));
+  EXPECT_FALSE(scenario->targets_change(1, 1.9));
+
+  const v1::OpenSession open = open_request(*scenario, "abc", 9);
+  ASSERT_EQ(open.targets_size(), 1);
+  EXPECT_EQ(open.targets(0).id(), 1u);
+  for (int k = 1; k <= 30; ++k) {
+    const v1::Tick tick = tick_at(*scenario, static_cast<uint64_t>(k), k / 10.0, 0.1);
+    ASSERT_EQ(tick.has_targets(), k == 10 || k == 20 || k == 25) << k;
+    if (k == 10) {
+      ASSERT_EQ(tick.targets().targets_size(), 1);
+      EXPECT_EQ(tick.targets().targets(0).id(), 2u);
+      EXPECT_EQ(tick.targets().targets(0).weight(), 2);
+    }
+    if (k == 20) {
+      EXPECT_EQ(tick.targets().targets_size(), 2);
+    }
+  }
+}
+
+TEST(ScenarioTargets, SpansThatAreNoneOrLeaveNobodyAreRefused) {
+  const auto with = [](const Json& during) {
+    Asset asset;
+    const int anna = asset.add("anna", {{"sightline", {{"role", "target"}, {"during", during}}}});
+    asset.animate(anna, AssetChannel::Path::kTranslation, {0, 5}, {0, 0, 0, 1, 0, 0});
+    return field_of_failure(asset);
+  };
+  const std::string field = "nodes[anna].extras.sightline.during";
+  EXPECT_EQ(with(Json::array({Json::array({0, 6})})), "no error");
+  EXPECT_EQ(with(3), field);
+  EXPECT_EQ(with(Json::array()), field);
+  EXPECT_EQ(with(Json::array({0, 6})), field);
+  EXPECT_EQ(with(Json::array({Json::array({2, 1})})), field);
+  EXPECT_EQ(with(Json::array({Json::array({0, 3}), Json::array({2, 6})})), field) << "they overlap";
+  EXPECT_EQ(with(Json::array({Json::array({0, "6"})})), field);
+  EXPECT_EQ(with(Json::array({Json::array({0, 4})})), "nodes") << "nobody from 4 s on";
+}
+
 TEST(ScenarioMessages, ATickHoldsParallelArraysOfAllActors) {
   Asset asset;
   const int anna = asset.add("anna", role("target"));

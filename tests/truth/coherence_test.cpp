@@ -62,7 +62,7 @@ TEST(Coherence, HeightsAreToldBesideTheAskedOne) {
   const std::vector<glm::dvec3> centers_m(5, glm::dvec3(3, 1, -2));
   for (const double height_deg : {10.0, 20.0, 59.0, 61.0, 80.0})
     frames.push_back(looks(centers_m[0], 0, height_deg, 6, 0.1 * static_cast<double>(frames.size())));
-  const CoherenceMetrics metrics = coherence_of(frames, centers_m, {});
+  const CoherenceMetrics metrics = coherence_of(frames, shots_as_begun(frames, centers_m), {});
   EXPECT_NEAR(metrics.asked_height_rad, rad(10), 1e-9);
   EXPECT_NEAR(metrics.median_height_rad, rad(59), 1e-9);
   EXPECT_DOUBLE_EQ(metrics.high_share, 0.4);
@@ -97,7 +97,7 @@ TEST(Coherence, ACameraThatMovesWithItsTargetsKeepsTheShot) {
     centers_m.push_back({2.0 * i * kTick, 1, 0});
     frames.push_back(looks(centers_m.back(), 30, 10, 6, i * kTick));
   }
-  const CoherenceMetrics kept = coherence_of(frames, centers_m, {});
+  const CoherenceMetrics kept = coherence_of(frames, shots_as_begun(frames, centers_m), {});
   EXPECT_EQ(kept.kept_share, 1.0);
   EXPECT_NEAR(mean_of(kept.mean), 0, 1e-12);
   // From rest to 2 m/s in the first tick, and no change after it.
@@ -111,7 +111,7 @@ TEST(Coherence, HalfARunFromAboveIsHalfKept) {
     frames.push_back(looks({}, 0, i < 50 ? 10 : 70, 6, i * kTick));
     frames.back().jump = i == 50;
   }
-  const CoherenceMetrics metrics = coherence_of(frames, centers_m, {});
+  const CoherenceMetrics metrics = coherence_of(frames, shots_as_begun(frames, centers_m), {});
   EXPECT_NEAR(metrics.kept_share, 0.5, 1e-12);
   EXPECT_NEAR(metrics.mean.height, 0.5, 1e-12);
   EXPECT_NEAR(mean_of(metrics.mean), 0.125, 1e-12);
@@ -131,14 +131,14 @@ TEST(Coherence, APictureIsWorthWhatItShowsAndHowItKeepsTheShot) {
     picture.targets.push_back(
         {.id = 1, .alone_pixels = 100, .visible_pixels = 100, .outline = {.in_picture_share = inside[i]}});
   }
-  const CoherenceMetrics metrics = coherence_of(frames, centers_m, truths);
+  const CoherenceMetrics metrics = coherence_of(frames, shots_as_begun(frames, centers_m), truths);
   EXPECT_NEAR(metrics.mean_worth, (1 + 0.5 + (1 - ShotWeights{}.height) + 0) / 4, 1e-9);
   EXPECT_NEAR(metrics.mean_sight_loss, (0 + 0.5 + 0 + 1) / 4, 1e-9);
   EXPECT_NEAR(metrics.as_asked_share, 0.25, 1e-9);
 }
 
 TEST(Coherence, NothingWithoutFrames) {
-  EXPECT_EQ(coherence_of({}, std::span<const glm::dvec3>(), {}).kept_share, 0);
+  EXPECT_EQ(coherence_of({}, {}, {}).kept_share, 0);
 }
 
 }  // namespace
