@@ -126,7 +126,9 @@ std::vector<CatalogEntry> situation_entries() {
       {"corridor-narrow", "the same, 1 m wide", kGroup,
        [](const SceneRequest& r) { return make_corridors({.seed = r.seed, .width_m = 1.0, .targets = 1}); }},
       {"doors-roofed", "nine roofed rooms whose doors shut from 0.8 s behind the targets on", kGroup,
-       [](const SceneRequest& r) { return make_doors({.seed = r.seed, .hold_s = 0.8, .roofed = true}); }},
+       [](const SceneRequest& r) {
+         return make_doors({.seed = r.seed, .hold_s = 0.8, .wait_s = 2.0, .roofed = true});
+       }},
       {"maze", "a maze of 11 x 11 cells, two targets", kGroup,
        [](const SceneRequest& r) { return make_maze({.seed = r.seed}); }},
       {"maze-roofed", "the maze under a ceiling, one target", kGroup,

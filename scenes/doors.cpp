@@ -64,12 +64,13 @@ std::vector<double> passing_times_s(const Polyline& path) {
   return times_s;
 }
 
-std::vector<Door> doors_along(const std::vector<Room>& rooms, const Polyline& path, double hold_s) {
+std::vector<Door> doors_along(const std::vector<Room>& rooms, const Polyline& path, const DoorsOptions& options) {
   std::vector<Door> doors = all_doors();
   const std::vector<double> passing_s = passing_times_s(path);
   for (size_t k = 0; k < passing_s.size(); ++k)
     add_opening(door_between(doors, rooms[k], rooms[k + 1]),
-                {passing_s[k] - kFollowing_s - kOpensBefore_s, passing_s[k] + hold_s + kSliding_s});
+                {options.wait_s + passing_s[k] - kFollowing_s - kOpensBefore_s,
+                 options.wait_s + passing_s[k] + options.hold_s + kSliding_s});
   return doors;
 }
 
@@ -105,6 +106,16 @@ Motion sliding(const Door& door, double offset_m, double duration_s) {
   return motion;
 }
 
+// The same motion, begun later; the scenario ends as before.
+Motion after(double wait_s, const Motion& motion) {
+  if (wait_s <= 0) return motion;
+  Motion later;
+  later.add(0, motion.positions_m.front(), motion.rotations.front());
+  for (size_t i = 0; i < motion.times_s.size() && motion.times_s[i] + wait_s <= motion.times_s.back(); ++i)
+    later.add(motion.times_s[i] + wait_s, motion.positions_m[i], motion.rotations[i]);
+  return later;
+}
+
 void add_leaves(ScenarioBuilder& scene, const std::vector<Door>& doors, const RoomDoors& plan) {
   const int leaf = scene.add_mesh("leaf", standing_box(kLeaf_m, kDoorHeight_m + 0.0625, kHalfWall_m), colors::kWood);
   for (const Door& door : doors)
@@ -131,9 +142,9 @@ std::vector<std::byte> make_doors(const DoorsOptions& options) {
   add_inner_walls(scene, plan);
   if (options.roofed) add_roof(scene);
   add_room_camera(scene, path);
-  scene.add_character("target-1", walk(at_even_speed(path, -kFollowing_s), options.duration_s));
-  scene.add_character("target-2", walk(at_even_speed(path, 0), options.duration_s));
-  add_leaves(scene, doors_along(rooms, path, options.hold_s), plan);
+  scene.add_character("target-1", after(options.wait_s, walk(at_even_speed(path, -kFollowing_s), options.duration_s)));
+  scene.add_character("target-2", after(options.wait_s, walk(at_even_speed(path, 0), options.duration_s)));
+  add_leaves(scene, doors_along(rooms, path, options), plan);
   return scene.write();
 }
 

@@ -71,8 +71,8 @@ void keep_free(const Motion& motion, std::vector<glm::dvec2>& kept_free_m) {
 std::array<TargetTimes, kPeople> turns_of(const CycleOptions& options, CounterRandom& random) {
   std::array<TargetTimes, kPeople> turns;
   int subject = 0;
-  for (double from_s = 0; from_s <= options.duration_s; from_s += options.each_s) {
-    const bool last = from_s + options.each_s > options.duration_s;
+  for (double from_s = 0; from_s < options.duration_s; from_s += options.each_s) {
+    const bool last = from_s + options.each_s >= options.duration_s;
     turns[static_cast<size_t>(subject)].emplace_back(from_s, last ? kLastingLong_s : from_s + options.each_s);
     subject = (subject + (random.next_below(2) == 0 ? 1 : kPeople - 1)) % kPeople;
   }

@@ -243,6 +243,22 @@ struct StateFields {
     archive(time, tracks);
   }
 
+  template <typename A, SameAs<Plate> T>
+  static void each(A& archive, T& plate) {
+    auto& [middle, half_u, half_v] = plate;
+    archive(middle, half_u, half_v);
+  }
+  template <typename A, SameAs<Doors::Leaf> T>
+  static void each(A& archive, T& leaf) {
+    auto& [id, rest, rested_s, away_s, there] = leaf;
+    archive(id, rest, rested_s, away_s, there);
+  }
+  template <typename A, SameAs<Doors> T>
+  static void each(A& archive, T& doors) {
+    auto& [leaves] = doors;
+    archive(leaves);
+  }
+
   // --- the whole
 
   template <typename A, SameAs<BlindState> T>
@@ -289,10 +305,10 @@ struct StateFields {
   }
   template <typename A, SameAs<CarriedState> T>
   static void each(A& archive, T& state) {
-    auto& [camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, change, blind,
+    auto& [camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, doors, goal, follows, change, blind,
            in_force, shares, given_up, not_aimed_at, path, cut, pull] = state;
-    archive(camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, goal, follows, change, blind,
-            in_force, shares, given_up, not_aimed_at, path, cut, pull);
+    archive(camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, doors, goal, follows, change,
+            blind, in_force, shares, given_up, not_aimed_at, path, cut, pull);
   }
   template <typename A, SameAs<Target> T>
   static void each(A& archive, T& target) {

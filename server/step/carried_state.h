@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "server/aggregate/doors.h"
 #include "server/aggregate/hidden_ahead.h"
 #include "server/aggregate/lattice.h"
 #include "server/aggregate/occlusion_smoother.h"
@@ -130,6 +131,7 @@ struct CarriedState {
   std::vector<TargetPast> pasts;
   Trail trail;  // path of the targets' centre
   CandidateMemory candidates;
+  Doors doors;
   std::optional<glm::dvec3> goal_m;  // strategy kMinCost: the last step's goal
   bool follows = false;              // it was the desired position
   // what a change between following and another course would gain; empty: they were not compared

@@ -114,7 +114,7 @@ class GoalSearch {
         scratch_(scratch),
         planner_(scratch.planner),
         settings_(flight_settings(in)),
-        pricer_(in, planner_, settings_, scratch.outside),
+        pricer_(in, settings_, scratch),
         ways_(in.surroundings.colliders, in.step.camera.pose.position_m, body_m(in)) {}
 
   Goal choose() {

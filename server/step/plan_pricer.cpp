@@ -18,12 +18,12 @@ constexpr double kNowhereM = 0.05;
 
 }  // namespace
 
-PlanPricer::PlanPricer(const MoveInput& in, FlightPlanner& planner, const FlightSettings& flight,
-                       std::vector<float>& outside)
+PlanPricer::PlanPricer(const MoveInput& in, const FlightSettings& flight, MoveScratch& scratch)
     : in_(in),
-      planner_(planner),
+      planner_(scratch.planner),
       flight_(flight),
-      outside_(outside),
+      outside_(scratch.outside),
+      doors_(scratch.behind_doors),
       weights_(in.step.input.settings.move.cost),
       ahead_(in.carried.candidates.ahead),
       lattice_(in.carried.candidates.lattice),
@@ -48,6 +48,7 @@ PlanPricer::PlanPricer(const MoveInput& in, FlightPlanner& planner, const Flight
 void PlanPricer::price() {
   for (const TrackedTarget& target : in_.step.targets.tracked_targets) targets_.push_back(target);
   price_limits();
+  list_open_doors();
   const double fastest_mps = fastest_target_mps();
   guesses_ahead_ = fastest_mps * ahead_.ahead_s(kSlices - 1) <= kLimitsMoveM;
   double limits_at_s = 0;
@@ -84,10 +85,42 @@ void PlanPricer::price_hidden(size_t slice) {
   const std::span<const SharePart> shares = ahead_.shares(slice);
   const std::vector<uint32_t>& addresses = lattice_.addresses();
   const auto occlusion = static_cast<float>(occlusion_), tolerance = static_cast<float>(tolerance_);
+  find_hidden_by_doors(slice);
   for (size_t i = 0; i < addresses.size(); ++i) {
     const SharePart known = shares[addresses[i]];
-    const float share = known == kUnknownShare ? guessed_share(i, slice) : known * (1.0f / kWholeShare);
+    float share = known == kUnknownShare ? guessed_share(i, slice) : known * (1.0f / kWholeShare);
+    if (!doors_.open.empty() && doors_.of_targets[i] > 0)
+      share = std::max(share, static_cast<float>(picture_loss(doors_.of_targets[i], count_)));
     costs[planner_.cell_of(i)] = occlusion * std::max(0.0f, share - tolerance);
+  }
+}
+
+void PlanPricer::list_open_doors() {
+  doors_.open.clear();
+  if (in_.step.targets.steered == 0) return;
+  in_.carried.doors.add_open(in_.bound.center_m, in_.bound.radius_m, in_.step.center_m(), doors_.open);
+  if (doors_.open.empty()) return;
+  const size_t count = lattice_.size();
+  doors_.x_m.resize(count), doors_.y_m.resize(count), doors_.z_m.resize(count);
+  for (size_t i = 0; i < count; ++i) {
+    const glm::vec3 place_m(in_.sights.position_m[i] - in_.bound.center_m);
+    doors_.x_m[i] = place_m.x, doors_.y_m[i] = place_m.y, doors_.z_m[i] = place_m.z;
+  }
+}
+
+void PlanPricer::find_hidden_by_doors(size_t slice) {
+  if (doors_.open.empty()) return;
+  const Places places{doors_.x_m.data(), doors_.y_m.data(), doors_.z_m.data(), in_.bound.center_m};
+  double weights = 0;
+  for (const TrackedTarget& t : in_.step.targets.tracked_targets) weights += t.weight;
+  doors_.of_targets.assign(lattice_.size(), 0.0f);
+  for (const TrackedTarget& t : in_.step.targets.tracked_targets) {
+    if (!t.steered()) continue;
+    doors_.of_target.assign(lattice_.size(), 0.0f);
+    const glm::dvec3 then_m = t.aim_m + t.velocity_mps * ahead_.ahead_s(slice);
+    for (const OpenDoor& door : doors_.open) hide_behind(door, places, then_m, doors_.of_target);
+    const auto part = static_cast<float>(t.weight / weights);
+    for (size_t i = 0; i < doors_.of_targets.size(); ++i) doors_.of_targets[i] += part * doors_.of_target[i];
   }
 }
 

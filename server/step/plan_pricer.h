@@ -14,13 +14,13 @@ namespace sightline {
 // How much the time after a plan counts (FlightSettings).
 inline constexpr double kAfterwards = 0.3;
 
-// Used for one decision; `in`, `planner`, `flight` and `outside` must outlive it. Not thread-safe.
+// Used for one decision; `in`, `flight` and `scratch` must outlive it. Not thread-safe.
 class PlanPricer {
  public:
-  // `outside` is memory that is used again.
-  PlanPricer(const MoveInput& in, FlightPlanner& planner, const FlightSettings& flight, std::vector<float>& outside);
+  // `scratch` is memory that is used again.
+  PlanPricer(const MoveInput& in, const FlightSettings& flight, MoveScratch& scratch);
 
-  // Sets the costs of all slices. The planner must have been laid over the candidates.
+  // Sets the costs of all slices. The scratch's planner must have been laid over the candidates.
   void price();
   // The cost of a course on which no target is seen; 0 where sight does not count.
   double blind_cost() const { return occlusion_ * (1 + kAfterwards); }
@@ -30,6 +30,8 @@ class PlanPricer {
 
  private:
   void price_hidden(size_t slice);
+  void list_open_doors();
+  void find_hidden_by_doors(size_t slice);
   float guessed_share(size_t candidate, size_t slice) const;
   double fastest_target_mps() const;
   void move_limits(double time_s);
@@ -38,7 +40,8 @@ class PlanPricer {
   const MoveInput& in_;
   FlightPlanner& planner_;
   const FlightSettings& flight_;
-  std::vector<float>& outside_;                       // by cell: the cost of being outside the limits
+  std::vector<float>& outside_;  // by cell: the cost of being outside the limits
+  BehindDoors& doors_;
   InlineVector<TrackedTarget, kMaxTargets> targets_;  // where they are when these limits hold
   const CostWeights& weights_;
   const HiddenAhead& ahead_;

@@ -213,6 +213,12 @@ struct MoveInput {
   // the targets that are seen from where the camera is, wherever they are to the picture; bit i is target i
   uint32_t seen_here = 0;
 };
+// What doors would hide if they shut (server/aggregate/doors.h). All but `open` have one entry a lattice point.
+struct BehindDoors {
+  std::vector<OpenDoor> open;
+  std::vector<float> x_m, y_m, z_m;          // places, from the middle of the bound
+  std::vector<float> of_target, of_targets;  // the share of one target that is hidden, and of all by their weights
+};
 struct MoveScratch {
   // Strategy kRobust.
   std::vector<glm::ivec3> cells;  // of the candidates
@@ -226,7 +232,8 @@ struct MoveScratch {
   // Strategy kMinCost.
   std::vector<float> clearance_m;  // by candidate: to static colliders; 0 where a mover is expected
   FlightPlanner planner;
-  std::vector<float> outside;      // by cell of the planner: the cost of being outside the limits
+  std::vector<float> outside;  // by cell of the planner: the cost of being outside the limits
+  BehindDoors behind_doors;
   std::vector<uint32_t> way;       // the candidates on the way to the goal
   double way_m = 0;                // length of the way to the chosen candidate, whichever strategy chose it
   ClearanceField trail_colliders;  // also of cuts

@@ -150,6 +150,8 @@ StepResult Stepper::finish(const StageClock& clock) {
   carried_.horizon_s = horizon_s(carried_, work.input->settings.bound);
   carried_.pasts.swap(work.opening.pasts);
   if (step.targets.steered != 0) carried_.trail.pass(step.center_m());
+  carried_.doors.pass(work.input->scene, {step.targets.ids.begin(), step.targets.ids.size()}, step.move_s,
+                      step.clock_s);
 
   glm::dvec3 desired_m(0.0);
   {  // 3. Which candidates see which targets, now and over the last steps, and which shot is best?
