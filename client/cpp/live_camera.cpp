@@ -7,6 +7,7 @@
 #include <thread>
 #include <utility>
 
+#include "client/cpp/client_error.h"
 #include "client/cpp/display.h"
 #include "client/cpp/waiting_ticks.h"
 
@@ -63,6 +64,7 @@ class LiveCamera::Worker : public std::enable_shared_from_this<Worker> {
   void send_all();
   std::vector<v1::Tick> next();
   bool try_for_ever(const v1::Tick* tick);
+  std::pair<std::string, size_t> stream_name() const;
   Result<Camera::Answer> try_once(const v1::Tick* tick);
   Status open_camera();
   bool pause(milliseconds pause);
@@ -178,17 +180,14 @@ std::vector<v1::Tick> LiveCamera::Worker::next() {
 // Opens the session if need be, and gets the answer to the tick. False: the camera was closed, or no daemon takes the
 // opening.
 bool LiveCamera::Worker::try_for_ever(const v1::Tick* tick) {
-  const size_t resumes = this->resumes();
   for (milliseconds between = kShortestPause;; between = std::min(2 * between, kLongestPause)) {
+    const auto stream = stream_name();
     auto answer = try_once(tick);
     if (answer && tick) take_answer(tick->sequence(), std::move(*answer));
     if (answer) return true;
-    if (tick && this->resumes() > resumes && !is_lost(answer.error(), false)) {  // the tick itself ends the call
-      v1::TickError refusal;
-      refusal.set_sequence(tick->sequence());
-      refusal.set_code(v1::TickError::CODE_INVALID_ARGUMENT);
-      refusal.set_message(to_string(answer.error()));
-      take_answer(tick->sequence(), std::move(refusal));
+    if (tick && stream_name() != stream && !is_lost(answer.error(), false)) {
+      // It would end the call of the next stream too.
+      take_answer(tick->sequence(), to_refusal(answer.error(), tick->sequence()));
       return true;
     }
     {
@@ -200,6 +199,12 @@ bool LiveCamera::Worker::try_for_ever(const v1::Tick* tick) {
     }
     if (!pause(between)) return false;
   }
+}
+
+// Another one after each opening and each resumption. A session that cannot be resumed goes on under another id.
+std::pair<std::string, size_t> LiveCamera::Worker::stream_name() const {
+  const std::lock_guard lock(mutex_);
+  return {opened_ ? opened_->session_id() : std::string(), resumes_};
 }
 
 // Without a tick: an empty reply.

@@ -22,6 +22,13 @@ public sealed class FailedException : Exception {
         return new FailedException(error.StatusCode, error.Status.Detail, StatusDetails.Violations(error.Trailers));
     }
 
+    // The refusal of a tick that ends each call in which it is sent. The kinds of errors have the names of gRPC's codes.
+    internal TickError AsRefusal(ulong sequence) {
+        TickError.Types.Code code;
+        if (!Enum.TryParse(Code.ToString(), out code)) code = TickError.Types.Code.InvalidArgument;
+        return new TickError { Sequence = sequence, Code = code, Message = Message, FieldViolations = { Violations } };
+    }
+
     // Another attempt, or another daemon, may help.
     internal bool IsLost(bool opening) {
         switch (Code) {

@@ -192,9 +192,9 @@ public sealed class LiveCamera : IDisposable {
 
     // Opens the session if need be, and gets the answer to the tick. False: the camera was closed.
     async Task<bool> TryForEverAsync(Tick tick) {
-        int resumes = Resumes;
         for (var pause = TimeSpan.Zero;; pause = SightlineCamera.Longer(pause)) {
             if (pause > TimeSpan.Zero && !await PauseAsync(pause)) return false;
+            string stream = StreamName;
             try {
                 if (camera == null) camera = await SightlineCamera.OpenAsync(addresses, opening, cameraOptions);
                 if (tick != null) Answer(tick, await camera.TickAsync(tick), null);
@@ -203,14 +203,17 @@ public sealed class LiveCamera : IDisposable {
                 Answer(tick, null, refused.Error);
                 return true;
             } catch (FailedException failed) when (camera != null || failed.IsLost(opening: true)) {
-                if (tick != null && Resumes > resumes && !failed.IsLost(opening: false)) {  // the tick itself ends the call
-                    Answer(tick, null, new TickError { Sequence = tick.Sequence, Code = TickError.Types.Code.InvalidArgument, Message = failed.Message });
+                if (tick != null && StreamName != stream && !failed.IsLost(opening: false)) {
+                    Answer(tick, null, failed.AsRefusal(tick.Sequence));  // it would end the call of the next stream too
                     return true;
                 }
                 lock (gate) trouble = failed;
             }
         }
     }
+
+    // Another one after each opening and each resumption. A session that cannot be resumed goes on under another id.
+    string StreamName => Opened?.SessionId + " " + Resumes;
 
     // False: the camera was closed.
     async Task<bool> PauseAsync(TimeSpan pause) {

@@ -48,6 +48,20 @@ func failedCall(err error) *Failed {
 	return failed
 }
 
+var refusalCodes = map[codes.Code]v1.TickError_Code{
+	codes.NotFound: v1.TickError_CODE_NOT_FOUND, codes.AlreadyExists: v1.TickError_CODE_ALREADY_EXISTS,
+	codes.FailedPrecondition: v1.TickError_CODE_FAILED_PRECONDITION, codes.ResourceExhausted: v1.TickError_CODE_RESOURCE_EXHAUSTED,
+}
+
+// asRefusal is the refusal of a tick that ends each call in which it is sent.
+func (f *Failed) asRefusal(sequence uint64) *Refused {
+	code, known := refusalCodes[f.Code]
+	if !known {
+		code = v1.TickError_CODE_INVALID_ARGUMENT
+	}
+	return &Refused{&v1.TickError{Sequence: sequence, Code: code, Message: f.Error(), FieldViolations: f.Violations}}
+}
+
 func unavailable(message string) *Failed {
 	return failedCall(status.Error(codes.Unavailable, message))
 }

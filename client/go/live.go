@@ -67,6 +67,11 @@ type LiveCamera struct {
 	closedByGame bool
 }
 
+type streamName struct {
+	sessionID string
+	resumes   int
+}
+
 // OpenLive starts a session with the first of the addresses ("host:port" or "unix:/path") that answers. It returns at once.
 func OpenLive(addresses []string, opening *v1.OpenSession, options LiveOptions) *LiveCamera {
 	setDefault(&options.Wait, 100*time.Millisecond)
@@ -269,18 +274,17 @@ func (c *LiveCamera) next() []*v1.Tick {
 
 // tryForEver opens the session if need be, and gets the answer to the tick. False: the camera was closed, or no daemon takes the opening.
 func (c *LiveCamera) tryForEver(tick *v1.Tick) bool {
-	resumes := c.Resumes()
 	for pause := time.Duration(0); ; pause = min(longer(pause), longestLivePause) {
 		if pause > 0 && !c.sleep(pause) {
 			return false
 		}
+		stream := c.streamName()
 		reply, err := c.try(tick)
-		var refused *Refused
-		if tick != nil && c.Resumes() > resumes && c.ctx.Err() == nil && err != nil && !errors.As(err, &refused) && !isLost(err, false) {
-			// The tick itself ends the call.
-			refused = &Refused{&v1.TickError{Sequence: tick.GetSequence(), Code: v1.TickError_CODE_INVALID_ARGUMENT, Message: err.Error()}}
-			err = refused
+		var failed *Failed
+		if tick != nil && c.streamName() != stream && errors.As(err, &failed) && !isLost(err, false) {
+			err = failed.asRefusal(tick.GetSequence()) // it would end the call of the next stream too
 		}
+		var refused *Refused
 		if err == nil || errors.As(err, &refused) {
 			if tick != nil {
 				c.answer(tick, reply, refused)
@@ -294,6 +298,13 @@ func (c *LiveCamera) tryForEver(tick *v1.Tick) bool {
 		c.trouble = err
 		c.mutex.Unlock()
 	}
+}
+
+// streamName is another one after each opening and each resumption. A session that cannot be resumed goes on under another id.
+func (c *LiveCamera) streamName() streamName {
+	c.mutex.Lock()
+	defer c.mutex.Unlock()
+	return streamName{c.opened.GetSessionId(), c.resumes}
 }
 
 // sleep returns false when the camera was closed.

@@ -108,12 +108,13 @@ func (l *live) tick(message *v1.Tick) object {
 	if err != nil {
 		log.Fatal(err)
 	}
-	refusals := []uint64{}
+	refusals, codes := []uint64{}, []int32{}
 	for _, refusal := range view.Refusals {
 		refusals = append(refusals, refusal.GetSequence())
+		codes = append(codes, int32(refusal.GetCode()))
 	}
 	return object{"view": object{
 		"position": view.Position, "rotation": view.Rotation, "field_of_view": view.FieldOfView, "cut": view.Cut, "age_s": view.AgeS,
 		"source": view.Source, "sequence": view.Sequence, "reply": view.Reply.GetSequence(), "hash": strconv.FormatUint(view.Reply.GetMirrorHash(), 10),
-		"refusals": refusals, "trouble": view.Trouble != nil, "took_s": took}}
+		"refusals": refusals, "refusal_codes": codes, "trouble": view.Trouble != nil, "took_s": took}}
 }

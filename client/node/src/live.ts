@@ -3,8 +3,8 @@ import {clone, create, type MessageInitShape} from "@bufbuild/protobuf";
 
 import {Camera, isLost, pauses, type Options} from "./camera.js";
 import {Display, type Source} from "./display.js";
-import {Failed, Refused} from "./errors.js";
-import {TickError_Code, TickErrorSchema, type TickError} from "./gen/sightline/v1/errors_pb.js";
+import {asRefusal, Failed, Refused} from "./errors.js";
+import type {TickError} from "./gen/sightline/v1/errors_pb.js";
 import {OpenSessionSchema, TickSchema, type CameraReply, type OpenSession, type SessionOpened, type Tick} from "./gen/sightline/v1/session_pb.js";
 import type {Drawn} from "./following.js";
 import type {Quaternion, Vector} from "./shapes.js";
@@ -181,10 +181,10 @@ export class LiveCamera {
 
   // Opens the session if need be, and gets the answer to the tick. False: the camera was closed.
   private async tryForEver(tick?: Tick): Promise<boolean> {
-    const {resumes} = this;
     for (const pauseS of pauses()) {
       if (pauseS > 0 && !this.stopping) await this.pause(Math.min(pauseS, LONGEST_PAUSE_S));
       if (pauseS > 0 && this.stopping) return false;
+      const stream = this.streamName;
       try {
         this.camera ??= await Camera.open(this.addresses, this.opening, this.options);
         if (tick) this.answer(tick, await this.camera.tick(tick));
@@ -195,14 +195,19 @@ export class LiveCamera {
           return true;
         }
         if (!(error instanceof Failed) || (!this.camera && !isLost(error, true))) throw error;
-        if (tick && this.resumes > resumes && !isLost(error, false)) { // the tick itself ends the call
-          this.answer(tick, undefined, create(TickErrorSchema, {sequence: tick.sequence, code: TickError_Code.INVALID_ARGUMENT, message: error.message}));
+        if (tick && this.streamName !== stream && !isLost(error, false)) {
+          this.answer(tick, undefined, asRefusal(error, tick.sequence)); // it would end the call of the next stream too
           return true;
         }
         this.trouble = error;
       }
     }
     return false;
+  }
+
+  // Another one after each opening and each resumption. A session that cannot be resumed goes on under another id.
+  private get streamName(): string {
+    return `${this.opened?.sessionId} ${this.resumes}`;
   }
 
   private async pause(seconds: number): Promise<void> {

@@ -13,7 +13,7 @@ from sightline.v1.session_pb2 import CameraReply, OpenSession, SessionOpened, Ti
 from sightline_client.camera import Camera
 from sightline_client.connection import Connection, is_lost, pauses
 from sightline_client.display import Display, Source
-from sightline_client.errors import Failed, Refused
+from sightline_client.errors import Failed, Refused, as_refusal
 from sightline_client.shapes import Place, Quaternion, Vector, opening, tick
 from sightline_client.waiting import MOST_WAITING, WaitingTicks
 
@@ -203,10 +203,10 @@ class LiveCamera:
 
     def _try_for_ever(self, message: Optional[Tick]) -> bool:
         """Opens the session if need be, and gets the answer to the tick. False: the camera was closed, or no daemon takes the opening."""
-        resumes = self.resumes
         for pause_s in pauses():
             if self._stopping.wait(min(pause_s, LONGEST_PAUSE_S)) and pause_s > 0:
                 return False
+            stream = self._stream_name()
             try:
                 if self._camera is None:
                     self._camera = Camera.open(self._addresses, self._request, self._connection)
@@ -220,12 +220,16 @@ class LiveCamera:
             except Failed as failed:
                 if self._camera is None and not is_lost(failed, opening=True):
                     raise self._give_up(failed)
-                if message is not None and self.resumes > resumes and not is_lost(failed, opening=False):  # the tick itself ends the call
-                    self._answer(message, None, TickError(sequence=message.sequence, code=TickError.CODE_INVALID_ARGUMENT, message=str(failed)))
+                if message is not None and self._stream_name() != stream and not is_lost(failed, opening=False):
+                    self._answer(message, None, as_refusal(failed, message.sequence))  # it would end the call of the next stream too
                     return True
                 with self._changed:
                     self._trouble = failed
         return False
+
+    def _stream_name(self) -> Tuple[str, int]:
+        """Another one after each opening and each resumption. A session that cannot be resumed goes on under another id."""
+        return (self._camera.opened.session_id, self._camera.resumes) if self._camera is not None else ("", 0)
 
     def _give_up(self, failed: Failed) -> Failed:
         with self._changed:

@@ -103,11 +103,11 @@ impl Live {
         };
         let took_s = began.elapsed().as_secs_f64();
         let (sequence, hash) = view.reply.map_or((0, 0), |reply| (reply.sequence, reply.mirror_hash));
-        let refusals: Vec<_> = view.refusals.iter().map(|refusal| refusal.sequence).collect();
+        let (refusals, codes): (Vec<_>, Vec<_>) = view.refusals.iter().map(|refusal| (refusal.sequence, refusal.code)).unzip();
         json!({"view": {
             "position": view.shown.position, "rotation": view.shown.rotation, "field_of_view": view.shown.field_of_view, "cut": view.shown.cut,
             "age_s": view.age_s, "source": format!("{:?}", view.source).to_lowercase(), "sequence": view.sequence, "reply": sequence,
-            "hash": hash.to_string(), "refusals": refusals, "trouble": view.trouble.is_some(), "took_s": took_s}})
+            "hash": hash.to_string(), "refusals": refusals, "refusal_codes": codes, "trouble": view.trouble.is_some(), "took_s": took_s}})
     }
 }
 

@@ -2,7 +2,7 @@ use prost::Message;
 use tonic::{Code, Status};
 
 use crate::generated::google::rpc;
-use crate::v1::{FieldViolation, TickError};
+use crate::v1::{tick_error, FieldViolation, TickError};
 
 /// The error of an opening or of a tick.
 #[derive(Debug, Clone)]
@@ -62,6 +62,18 @@ impl Failed {
         use Code::*;
         matches!(self.code, Unavailable | Cancelled | Unknown | Internal | DeadlineExceeded | Aborted)
             || (opening && self.code == ResourceExhausted)
+    }
+
+    /// Of a tick that ends each call in which it is sent.
+    pub(crate) fn into_refusal(self, sequence: u64) -> TickError {
+        let code = match self.code {
+            Code::NotFound => tick_error::Code::NotFound,
+            Code::AlreadyExists => tick_error::Code::AlreadyExists,
+            Code::FailedPrecondition => tick_error::Code::FailedPrecondition,
+            Code::ResourceExhausted => tick_error::Code::ResourceExhausted,
+            _ => tick_error::Code::InvalidArgument,
+        };
+        TickError { sequence, code: code as i32, message: self.message, field_violations: self.violations, resync: None }
     }
 
     pub(crate) fn lacks_scene(&self) -> bool {

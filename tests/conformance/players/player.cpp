@@ -128,8 +128,11 @@ Json tick_live(Live& live, const Json& command) {
   const double took_s = seconds_since(began);
   if (!view) return {{"error", view.error().field == "tick" ? "QUEUE_FULL" : code_name(view.error().code)}};
   const v1::CameraReply reply = view->reply.value_or(v1::CameraReply());
-  Json refusals = Json::array();
-  for (const v1::TickError& refusal : view->refusals) refusals.push_back(refusal.sequence());
+  Json refusals = Json::array(), refusal_codes = Json::array();
+  for (const v1::TickError& refusal : view->refusals) {
+    refusals.push_back(refusal.sequence());
+    refusal_codes.push_back(static_cast<int>(refusal.code()));
+  }
   return {{"view",
            {{"position", view->shown.position},
             {"rotation", view->shown.rotation},
@@ -141,6 +144,7 @@ Json tick_live(Live& live, const Json& command) {
             {"reply", reply.sequence()},
             {"hash", std::to_string(reply.mirror_hash())},
             {"refusals", refusals},
+            {"refusal_codes", refusal_codes},
             {"trouble", view->trouble.has_value()},
             {"took_s", took_s}}}};
 }

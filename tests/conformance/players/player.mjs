@@ -62,7 +62,8 @@ const others = {
 function viewOf({position, rotation, fieldOfView, cut, ageS, source, sequence, reply, refusals, trouble}, tookMs) {
   return {
     position, rotation, field_of_view: fieldOfView, cut, age_s: ageS, source, sequence: Number(sequence), reply: Number(reply?.sequence ?? 0),
-    hash: String(reply?.mirrorHash ?? 0), refusals: refusals.map((refusal) => Number(refusal.sequence)), trouble: trouble !== undefined, took_s: tookMs / 1000,
+    hash: String(reply?.mirrorHash ?? 0), refusals: refusals.map((refusal) => Number(refusal.sequence)), refusal_codes: refusals.map((refusal) => refusal.code),
+    trouble: trouble !== undefined, took_s: tookMs / 1000,
   };
 }
 

@@ -68,7 +68,7 @@ class Live:
             "position": view.position, "rotation": view.rotation, "field_of_view": view.field_of_view, "cut": view.cut, "age_s": view.age_s,
             "source": view.source.value, "sequence": view.sequence, "reply": reply.sequence if reply else 0,
             "hash": str(reply.mirror_hash) if reply else "0", "refusals": [refusal.sequence for refusal in view.refusals],
-            "trouble": view.trouble is not None, "took_s": took_s}}
+            "refusal_codes": [refusal.code for refusal in view.refusals], "trouble": view.trouble is not None, "took_s": took_s}}
 
     def live_close(self, _):
         began = time.monotonic()
