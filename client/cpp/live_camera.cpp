@@ -30,7 +30,10 @@ class LiveCamera::Worker : public std::enable_shared_from_this<Worker> {
       : addresses_(std::move(addresses)),
         opening_(std::move(opening)),
         options_(std::move(options)),
-        display_(opening_, std::chrono::duration<double>(options_.blend).count()) {}
+        display_(opening_, std::chrono::duration<double>(options_.blend).count()) {
+    options_.camera.give_up_after = milliseconds(0);
+    options_.camera.reply_timeout = options_.reply_timeout;
+  }
 
   void start() {
     std::thread([self = shared_from_this()] { self->work(); }).detach();
@@ -73,7 +76,7 @@ class LiveCamera::Worker : public std::enable_shared_from_this<Worker> {
   // constant after construction
   const std::vector<std::string> addresses_;
   const v1::OpenSession opening_;
-  const LiveOptions options_;
+  LiveOptions options_;  // but for `camera`, which the thread completes
 
   mutable std::mutex mutex_;
   std::condition_variable changed_;
@@ -221,10 +224,9 @@ Result<Camera::Answer> LiveCamera::Worker::try_once(const v1::Tick* tick) {
 
 Status LiveCamera::Worker::open_camera() {
   if (camera_) return {};
-  CameraOptions options = options_.camera;
-  options.give_up_after = milliseconds(0);
-  options.reply_timeout = options_.reply_timeout;
-  auto camera = Camera::open(addresses_, opening_, std::move(options));
+  // Only once, however often the opening is tried.
+  if (const Status read = read_scene(options_.camera); !read) return read;
+  auto camera = Camera::open(addresses_, opening_, options_.camera);
   if (!camera) return tl::unexpected(camera.error());
   const std::lock_guard lock(mutex_);
   camera_ = std::move(*camera);

@@ -29,7 +29,14 @@ public sealed class FailedException : Exception {
         return new TickError { Sequence = sequence, Code = code, Message = Message, FieldViolations = { Violations } };
     }
 
-    // Another attempt, or another daemon, may help.
+    // A part of a field that is wrong has this name.
+    internal bool Names(string part) {
+        foreach (var violation in Violations)
+            if (violation.Field.Contains(part)) return true;
+        return false;
+    }
+
+    // Another attempt, or another daemon, may help. A scene file that is too large stays so.
     internal bool IsLost(bool opening) {
         switch (Code) {
             case StatusCode.Unavailable:
@@ -40,7 +47,7 @@ public sealed class FailedException : Exception {
             case StatusCode.Aborted:
                 return true;
             default:
-                return opening && Code == StatusCode.ResourceExhausted;
+                return opening && Code == StatusCode.ResourceExhausted && !Names("chunk");
         }
     }
 }

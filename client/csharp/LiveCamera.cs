@@ -9,7 +9,7 @@ namespace Sightline.Client {
 
 /// <summary>How a LiveCamera reaches its daemons, and how long it waits. GiveUpAfter does not count.</summary>
 public sealed class LiveOptions {
-    /// <summary>Uploads, OpenTimeout, OnResync and Connect. OnResync is called on a thread of the pool.</summary>
+    /// <summary>Scene, SceneFile, Uploads, OpenTimeout, OnResync and Connect. OnResync is called on a thread of the pool.</summary>
     public CameraOptions Camera { get; set; } = new CameraOptions();
     /// <summary>Tick waits at most so long for its answer; zero: not at all.</summary>
     public TimeSpan Wait { get; set; } = TimeSpan.FromSeconds(0.1);
@@ -65,15 +65,15 @@ public sealed class LiveCamera : IDisposable {
     List<TickError> refusals = new List<TickError>();
     Exception fatal, trouble;
 
-    /// <summary>Starts a session. addresses: for example "http://127.0.0.1:50151".</summary>
+    /// <summary>Starts a session. addresses: for example "http://127.0.0.1:50151". Throws what File.ReadAllBytes throws for Camera.SceneFile.</summary>
     public LiveCamera(IReadOnlyList<string> addresses, OpenSession opening, LiveOptions options = null) {
         this.addresses = addresses;
         this.opening = opening.Clone();
         this.options = options ?? new LiveOptions();
         var given = this.options.Camera;
         cameraOptions = new CameraOptions {
-            GiveUpAfter = TimeSpan.Zero, ReplyTimeout = this.options.ReplyTimeout, OpenTimeout = given.OpenTimeout, Uploads = given.Uploads, OnResync = given.OnResync,
-            Connect = given.Connect
+            GiveUpAfter = TimeSpan.Zero, ReplyTimeout = this.options.ReplyTimeout, OpenTimeout = given.OpenTimeout, Scene = given.ReadScene(),
+            Uploads = given.Uploads, OnResync = given.OnResync, Connect = given.Connect
         };
         display = new Display(this.opening, this.options.Blend.TotalSeconds);
         worker = Task.Run(WorkAsync);

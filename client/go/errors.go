@@ -68,19 +68,21 @@ func unavailable(message string) *Failed {
 
 var lostCodes = []codes.Code{codes.Unavailable, codes.Canceled, codes.Unknown, codes.Internal, codes.DeadlineExceeded, codes.Aborted}
 
-// isLost says whether another attempt, or another daemon, may help.
+// isLost says whether another attempt, or another daemon, may help. A scene file that is too large stays so.
 func isLost(err error, opening bool) bool {
 	var failed *Failed
 	if !errors.As(err, &failed) {
 		return false
 	}
-	return slices.Contains(lostCodes, failed.Code) || (opening && failed.Code == codes.ResourceExhausted)
+	return slices.Contains(lostCodes, failed.Code) || (opening && failed.Code == codes.ResourceExhausted && !failed.names("chunk"))
 }
 
 func lacksScene(err error) bool {
 	var failed *Failed
-	if !errors.As(err, &failed) || failed.Code != codes.NotFound {
-		return false
-	}
-	return slices.ContainsFunc(failed.Violations, func(v *v1.FieldViolation) bool { return strings.Contains(v.GetField(), "scene") })
+	return errors.As(err, &failed) && failed.Code == codes.NotFound && failed.names("scene")
+}
+
+// names says whether a part of a field that is wrong has this name.
+func (f *Failed) names(part string) bool {
+	return slices.ContainsFunc(f.Violations, func(v *v1.FieldViolation) bool { return strings.Contains(v.GetField(), part) })
 }

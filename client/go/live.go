@@ -81,10 +81,15 @@ func OpenLive(addresses []string, opening *v1.OpenSession, options LiveOptions) 
 	setDefault(&options.ReplyTimeout, 2*time.Second)
 	options.GiveUpAfter = -1
 	opening = proto.Clone(opening).(*v1.OpenSession)
+	fatal := options.readScene()
 	ctx, cancel := context.WithCancel(context.Background())
 	c := &LiveCamera{addresses: addresses, opening: opening, options: options, ctx: ctx, cancel: cancel, display: newDisplay(opening, options.Blend.Seconds()),
-		stopping: make(chan struct{}), stopped: make(chan struct{}), changed: make(chan struct{})}
-	go c.work()
+		fatal: fatal, stopping: make(chan struct{}), stopped: make(chan struct{}), changed: make(chan struct{})}
+	if c.fatal != nil {
+		close(c.stopped)
+	} else {
+		go c.work()
+	}
 	return c
 }
 
@@ -110,7 +115,8 @@ func (c *LiveCamera) Resumes() int {
 }
 
 // Tick tells the daemon what has changed, and returns the camera to draw. It waits for the answer at most LiveOptions.Wait, and not at all
-// while an earlier tick is unanswered. The camera numbers ticks. The error is ErrQueueFull, or a *Failed for an opening that no daemon accepts.
+// while an earlier tick is unanswered. The camera numbers ticks. The error is ErrQueueFull, a *Failed for an opening that no daemon accepts, or that of
+// reading Options.SceneFile.
 func (c *LiveCamera) Tick(message *v1.Tick) (*LiveView, error) {
 	if message.GetStepControl().GetMergeIntoNext() {
 		return nil, errors.New("step_control.merge_into_next: a camera waits for a reply to each tick")

@@ -40,7 +40,8 @@ static class LivePlayer {
 
     static string Open(string line) {
         var opening = OpenSession.Parser.ParseFrom(Player.Bytes(line, "live_open"));
-        var options = new LiveOptions { Wait = TimeSpan.FromSeconds(Numbers(line, "wait_s")[0]) };
+        var camera = new CameraOptions { SceneFile = Player.TextOrNull(line, "scene_file") };
+        var options = new LiveOptions { Camera = camera, Wait = TimeSpan.FromSeconds(Numbers(line, "wait_s")[0]) };
         live = new LiveCamera(new[] { "http://" + Player.Text(line, "address") }, opening, options);
         return "{\"live\": {}}";
     }

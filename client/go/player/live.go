@@ -29,6 +29,7 @@ type liveCommand struct {
 	Tick      json.RawMessage `json:"live_tick"`
 	Close     json.RawMessage `json:"live_close"`
 	Address   string
+	SceneFile string  `json:"scene_file"`
 	WaitInSec float64 `json:"wait_s"`
 }
 
@@ -65,7 +66,7 @@ func (l *live) run(line []byte) (answer object, known bool) {
 		if wait == 0 {
 			wait = -1
 		}
-		l.camera = sightline.OpenLive([]string{c.Address}, parse(c.Open, &v1.OpenSession{}), sightline.LiveOptions{Wait: wait})
+		l.camera = sightline.OpenLive([]string{c.Address}, parse(c.Open, &v1.OpenSession{}), sightline.LiveOptions{Options: sightline.Options{SceneFile: c.SceneFile}, Wait: wait})
 		return object{"live": object{}}, true
 	case c.Tick != nil:
 		return l.tick(parse(c.Tick, &v1.Tick{})), true

@@ -1,7 +1,7 @@
 // A camera for a game loop: no call waits for long, with or without a daemon.
 import {clone, create, type MessageInitShape} from "@bufbuild/protobuf";
 
-import {Camera, isLost, pauses, type Options} from "./camera.js";
+import {Camera, isLost, pauses, readScene, type Options} from "./camera.js";
 import {Display, type Source} from "./display.js";
 import {asRefusal, Failed, Refused} from "./errors.js";
 import type {TickError} from "./gen/sightline/v1/errors_pb.js";
@@ -55,10 +55,11 @@ export class LiveCamera {
   private readonly wakes = new Set<() => void>();
   private readonly worker: Promise<void>;
 
-  // addresses: "host:port" or "unix:/path", one or several, which are tried in turn. Throws TypeError for an option that cannot be right.
+  // addresses: "host:port" or "unix:/path", one or several, which are tried in turn. Throws TypeError for an option that cannot be right, and
+  // the error of reading the scene's file.
   constructor(private readonly addresses: string | string[], opening: MessageInitShape<typeof OpenSessionSchema>, options: LiveOptions = {}) {
     for (const address of [addresses].flat()) checkTrust(address, options);
-    this.options = {waitS: 0.1, fallbackAfterS: 0.3, blendS: 0.5, replyTimeoutS: 2, closeS: 1, ...options, giveUpAfterS: 0};
+    this.options = {waitS: 0.1, fallbackAfterS: 0.3, blendS: 0.5, replyTimeoutS: 2, closeS: 1, ...options, scene: readScene(options.scene), giveUpAfterS: 0};
     this.opening = clone(OpenSessionSchema, create(OpenSessionSchema, opening));
     this.display = new Display(this.opening, this.options.blendS);
     this.worker = this.work().catch((error) => {

@@ -57,11 +57,11 @@ impl From<Status> for Failed {
 }
 
 impl Failed {
-    /// True if another attempt, or another daemon, may help.
+    /// True if another attempt, or another daemon, may help. A scene file that is too large stays so.
     pub(crate) fn is_lost(&self, opening: bool) -> bool {
         use Code::*;
         matches!(self.code, Unavailable | Cancelled | Unknown | Internal | DeadlineExceeded | Aborted)
-            || (opening && self.code == ResourceExhausted)
+            || (opening && self.code == ResourceExhausted && !self.names("chunk"))
     }
 
     /// Of a tick that ends each call in which it is sent.
@@ -77,6 +77,11 @@ impl Failed {
     }
 
     pub(crate) fn lacks_scene(&self) -> bool {
-        self.code == Code::NotFound && self.violations.iter().any(|violation| violation.field.contains("scene"))
+        self.code == Code::NotFound && self.names("scene")
+    }
+
+    /// A part of a field that is wrong has this name.
+    fn names(&self, part: &str) -> bool {
+        self.violations.iter().any(|violation| violation.field.contains(part))
     }
 }

@@ -338,6 +338,9 @@ impl Worker {
 
     async fn try_once(&mut self, tick: Option<Tick>) -> Result<Option<CameraReply>, Error> {
         if self.camera.is_none() {
+            if let Some(scene) = &mut self.options.scene {
+                scene.bytes().map_err(Error::Failed)?; // only once, however often the opening is tried
+            }
             self.camera = Some(Camera::open(self.addresses.clone(), self.opening.clone(), self.options.clone()).await?);
         }
         let (Some(camera), Some(tick)) = (&mut self.camera, tick) else { return Ok(None) };

@@ -52,7 +52,7 @@ class Live:
 
     def live_open(self, command):
         self.camera = LiveCamera.open(command["address"], json_format.ParseDict(command["live_open"], OpenSession()),
-                                      patience=Patience(wait_s=command["wait_s"]))
+                                      patience=Patience(wait_s=command["wait_s"]), scene=command.get("scene_file"))
         return {"live": {}}
 
     def live_tick(self, command):
@@ -106,7 +106,11 @@ class Player:
     async def open(self, command):
         request = json_format.ParseDict(command["open"], OpenSession())
         options = Connection(uploads=[pathlib.Path(path).read_bytes() for path in command["uploads"]], **trust(command.get("trust", {})))
-        camera = await AsyncCamera.of(command["address"], request, options).open() if self.is_async else Camera.open(command["address"], request, options)
+        scene = command.get("scene_file") or ("scene" in command and pathlib.Path(command["scene"]).read_bytes()) or None
+        if self.is_async:
+            camera = await AsyncCamera.of(command["address"], request, options, scene).open()
+        else:
+            camera = Camera.open(command["address"], request, options, scene)
         self.camera = camera
         return camera.opened
 
