@@ -2,9 +2,13 @@
 
 #include <algorithm>
 #include <atomic>
+#include <fstream>
+#include <iterator>
 #include <optional>
 #include <random>
+#include <span>
 #include <thread>
+#include <utility>
 
 #include "client/cpp/camera_snapshot.h"
 #include "client/cpp/sightline_client.h"
@@ -30,16 +34,31 @@ bool lacks_scene(const Error& error) {
 
 bool is_lost(const Error& error, bool opening) {
   return error.code == ErrorCode::kUnavailable || error.code == ErrorCode::kInternal ||
-         (opening && error.code == ErrorCode::kResourceExhausted);
+         (opening && error.code == ErrorCode::kResourceExhausted && error.field != "chunk");
+}
+
+Status read_scene(CameraOptions& options) {
+  const std::string path = std::exchange(options.scene_file, {});
+  if (path.empty()) return {};
+  std::ifstream file(path, std::ios::binary);
+  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  if (text.empty()) return invalid("scene_file", "\"" + path + "\" is empty or cannot be read");
+  const auto bytes = std::as_bytes(std::span(text));
+  options.scene.assign(bytes.begin(), bytes.end());
+  return {};
 }
 
 struct Camera::State {
   State(std::vector<std::string> reachable, v1::OpenSession opening, CameraOptions wanted)
-      : addresses(std::move(reachable)), options(std::move(wanted)), snapshot(std::move(opening)) {}
+      : addresses(std::move(reachable)), options(std::move(wanted)), snapshot(std::move(opening)) {
+    if (!options.scene.empty()) uploads.push_back(options.scene);
+    uploads.insert(uploads.end(), options.uploads.begin(), options.uploads.end());
+  }
 
   // constant after construction
   const std::vector<std::string> addresses;
   const CameraOptions options;
+  std::vector<std::span<const std::byte>> uploads;  // those of `options`; the client's own scene comes first
 
   CameraSnapshot snapshot;
   size_t address = 0;
@@ -55,7 +74,8 @@ struct Camera::State {
   std::atomic<bool> interrupted = false;
 
   Status open();
-  Status open_session(bool uploads);
+  Status open_session(size_t n);
+  Status upload(Client& client, size_t n);
   void leave();
   void look_for_drain();
   Result<bool> resume(uint64_t wanted);
@@ -69,17 +89,27 @@ struct Camera::State {
 };
 
 Status Camera::State::open() {
-  Status opened_now = open_session(false);
-  if (!opened_now && lacks_scene(opened_now.error()) && !options.uploads.empty()) return open_session(true);
+  // The opening needs the hash of the client's own scene, which comes with the first upload.
+  const size_t first = !options.scene.empty() && snapshot.scene_hash().empty() ? 1 : 0;
+  Status opened_now = open_session(first);
+  if (!opened_now && lacks_scene(opened_now.error()) && !uploads.empty()) return open_session(uploads.size());
   return opened_now;
 }
 
-Status Camera::State::open_session(bool uploads) {
+Status Camera::State::upload(Client& client, size_t n) {
+  for (size_t i = 0; i < n; ++i) {
+    const auto sent = client.upload_scene(uploads[i], options.open_timeout);
+    if (!sent) return tl::unexpected(sent.error());
+    if (i == 0 && !options.scene.empty()) snapshot.use_scene(sent->hash());
+  }
+  return {};
+}
+
+// After the first n of the uploads.
+Status Camera::State::open_session(size_t n) {
   auto client = Client::connect(addresses[address], options.connect_timeout, {}, options.credentials);
   if (!client) return tl::unexpected(client.error());
-  if (uploads)
-    for (const auto& scene : options.uploads)
-      if (auto sent = client->upload_scene(scene, options.open_timeout); !sent) return tl::unexpected(sent.error());
+  if (const Status sent = upload(*client, n); !sent) return sent;
   v1::OpenSession opening = snapshot.opening();
   opening.set_resumable(true);
   auto next = client->open_session(opening, options.open_timeout);
@@ -225,6 +255,7 @@ Camera& Camera::operator=(Camera&&) noexcept = default;
 
 Result<Camera> Camera::open(std::vector<std::string> addresses, v1::OpenSession opening, CameraOptions options) {
   if (addresses.empty()) return invalid("addresses", "must name a daemon");
+  if (const Status read = read_scene(options); !read) return tl::unexpected(read.error());
   const size_t n = addresses.size();
   Camera camera(std::make_unique<State>(std::move(addresses), std::move(opening), std::move(options)));
   Status opened;

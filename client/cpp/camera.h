@@ -33,11 +33,15 @@ struct CameraOptions {
   std::chrono::milliseconds give_up_after{30'000};
   // A daemon that answers nothing for so long is taken for lost.
   std::chrono::milliseconds reply_timeout{5'000};
-  // The same for the opening, for which the daemon loads the scene.
+  // The same for an upload, and for the opening, for which the daemon loads the scene.
   std::chrono::milliseconds open_timeout{30'000};
   // The same for the connection.
   std::chrono::milliseconds connect_timeout{500};
-  // The scene files that SceneRef.hash names. A daemon that does not have one gets it.
+  // The client's own scene file (.glb, or .gltf without other files), as bytes or by its path. Each daemon gets it, and
+  // its hash goes into OpenSession.scene.
+  std::vector<std::byte> scene;
+  std::string scene_file;
+  // Files that the opening or a tick names by their hashes. A daemon that does not have one gets it.
   std::vector<std::vector<std::byte>> uploads;
   ClientCredentials credentials;
   // Called by tick() with the reason after the session was opened again.
@@ -50,7 +54,8 @@ class Camera {
   // session goes on.
   using Answer = std::variant<v1::CameraReply, v1::TickError>;
 
-  // Opens a session with the first of the addresses ("host:port" or "unix:/path") that answers.
+  // Opens a session with the first of the addresses ("host:port" or "unix:/path") that answers. Also fails as
+  // read_scene does.
   static Result<Camera> open(std::vector<std::string> addresses, v1::OpenSession opening, CameraOptions options = {});
 
   ~Camera();
@@ -80,7 +85,11 @@ class Camera {
   std::unique_ptr<State> state_;
 };
 
-// True if another attempt, or another daemon, may help after this error of a tick, or of an opening.
+// Reads `scene_file` into `scene`, if there is one. kInvalidArgument, field "scene_file", when that cannot be done.
+Status read_scene(CameraOptions& options);
+
+// True if another attempt, or another daemon, may help after this error of a tick, or of an opening. A scene file that
+// is too large stays so.
 bool is_lost(const Error& error, bool opening);
 
 }  // namespace sightline

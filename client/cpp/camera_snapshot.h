@@ -5,6 +5,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "sightline/v1/camera_control.pb.h"
@@ -19,6 +20,10 @@ namespace sightline {
 class CameraSnapshot {
  public:
   explicit CameraSnapshot(v1::OpenSession first) : first_(std::move(first)) {}
+
+  // Hash of the scene that the opening names; empty: it names none by its hash.
+  const std::string& scene_hash() const { return first_.scene().hash(); }
+  void use_scene(const std::string& hash) { first_.mutable_scene()->set_hash(hash); }
 
   // Takes a tick that the daemon has applied.
   void apply(const v1::Tick& tick);

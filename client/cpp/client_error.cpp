@@ -3,7 +3,6 @@
 #include "client/cpp/sightline_client.h"
 #include "google/rpc/error_details.pb.h"
 #include "google/rpc/status.pb.h"
-#include "sightline/v1/errors.pb.h"
 
 namespace sightline {
 namespace {
@@ -55,6 +54,21 @@ ErrorCode code_from_rejection(v1::TickError::Code code) {
   }
 }
 
+v1::TickError::Code rejection_code(ErrorCode code) {
+  switch (code) {
+    case ErrorCode::kNotFound:
+      return v1::TickError::CODE_NOT_FOUND;
+    case ErrorCode::kAlreadyExists:
+      return v1::TickError::CODE_ALREADY_EXISTS;
+    case ErrorCode::kFailedPrecondition:
+      return v1::TickError::CODE_FAILED_PRECONDITION;
+    case ErrorCode::kResourceExhausted:
+      return v1::TickError::CODE_RESOURCE_EXHAUSTED;
+    default:
+      return v1::TickError::CODE_INVALID_ARGUMENT;
+  }
+}
+
 void take_first_violation(const google::rpc::BadRequest& bad, Error& error) {
   if (bad.field_violations().empty()) return;
   error.field = bad.field_violations(0).field();
@@ -76,6 +90,18 @@ Error error_from_status(const grpc::Status& status) {
     if (detail.UnpackTo(&bad)) take_first_violation(bad, error);
   }
   return error;
+}
+
+v1::TickError to_refusal(const Error& error, uint64_t sequence) {
+  v1::TickError refusal;
+  refusal.set_sequence(sequence);
+  refusal.set_code(rejection_code(error.code));
+  refusal.set_message(to_string(error));
+  if (error.field.empty()) return refusal;
+  v1::FieldViolation& violation = *refusal.add_field_violations();
+  violation.set_field(error.field);
+  violation.set_description(error.message);
+  return refusal;
 }
 
 Error to_error(const v1::TickError& rejection) {

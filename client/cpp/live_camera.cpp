@@ -7,6 +7,7 @@
 #include <thread>
 #include <utility>
 
+#include "client/cpp/client_error.h"
 #include "client/cpp/display.h"
 #include "client/cpp/waiting_ticks.h"
 
@@ -29,7 +30,10 @@ class LiveCamera::Worker : public std::enable_shared_from_this<Worker> {
       : addresses_(std::move(addresses)),
         opening_(std::move(opening)),
         options_(std::move(options)),
-        display_(opening_, std::chrono::duration<double>(options_.blend).count()) {}
+        display_(opening_, std::chrono::duration<double>(options_.blend).count()) {
+    options_.camera.give_up_after = milliseconds(0);
+    options_.camera.reply_timeout = options_.reply_timeout;
+  }
 
   void start() {
     std::thread([self = shared_from_this()] { self->work(); }).detach();
@@ -63,6 +67,7 @@ class LiveCamera::Worker : public std::enable_shared_from_this<Worker> {
   void send_all();
   std::vector<v1::Tick> next();
   bool try_for_ever(const v1::Tick* tick);
+  std::pair<std::string, size_t> stream_name() const;
   Result<Camera::Answer> try_once(const v1::Tick* tick);
   Status open_camera();
   bool pause(milliseconds pause);
@@ -71,7 +76,7 @@ class LiveCamera::Worker : public std::enable_shared_from_this<Worker> {
   // constant after construction
   const std::vector<std::string> addresses_;
   const v1::OpenSession opening_;
-  const LiveOptions options_;
+  LiveOptions options_;  // but for `camera`, which the thread completes
 
   mutable std::mutex mutex_;
   std::condition_variable changed_;
@@ -178,17 +183,14 @@ std::vector<v1::Tick> LiveCamera::Worker::next() {
 // Opens the session if need be, and gets the answer to the tick. False: the camera was closed, or no daemon takes the
 // opening.
 bool LiveCamera::Worker::try_for_ever(const v1::Tick* tick) {
-  const size_t resumes = this->resumes();
   for (milliseconds between = kShortestPause;; between = std::min(2 * between, kLongestPause)) {
+    const auto stream = stream_name();
     auto answer = try_once(tick);
     if (answer && tick) take_answer(tick->sequence(), std::move(*answer));
     if (answer) return true;
-    if (tick && this->resumes() > resumes && !is_lost(answer.error(), false)) {  // the tick itself ends the call
-      v1::TickError refusal;
-      refusal.set_sequence(tick->sequence());
-      refusal.set_code(v1::TickError::CODE_INVALID_ARGUMENT);
-      refusal.set_message(to_string(answer.error()));
-      take_answer(tick->sequence(), std::move(refusal));
+    if (tick && stream_name() != stream && !is_lost(answer.error(), false)) {
+      // It would end the call of the next stream too.
+      take_answer(tick->sequence(), to_refusal(answer.error(), tick->sequence()));
       return true;
     }
     {
@@ -200,6 +202,12 @@ bool LiveCamera::Worker::try_for_ever(const v1::Tick* tick) {
     }
     if (!pause(between)) return false;
   }
+}
+
+// Another one after each opening and each resumption. A session that cannot be resumed goes on under another id.
+std::pair<std::string, size_t> LiveCamera::Worker::stream_name() const {
+  const std::lock_guard lock(mutex_);
+  return {opened_ ? opened_->session_id() : std::string(), resumes_};
 }
 
 // Without a tick: an empty reply.
@@ -216,10 +224,9 @@ Result<Camera::Answer> LiveCamera::Worker::try_once(const v1::Tick* tick) {
 
 Status LiveCamera::Worker::open_camera() {
   if (camera_) return {};
-  CameraOptions options = options_.camera;
-  options.give_up_after = milliseconds(0);
-  options.reply_timeout = options_.reply_timeout;
-  auto camera = Camera::open(addresses_, opening_, std::move(options));
+  // Only once, however often the opening is tried.
+  if (const Status read = read_scene(options_.camera); !read) return read;
+  auto camera = Camera::open(addresses_, opening_, options_.camera);
   if (!camera) return tl::unexpected(camera.error());
   const std::lock_guard lock(mutex_);
   camera_ = std::move(*camera);

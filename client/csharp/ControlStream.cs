@@ -40,14 +40,18 @@ internal sealed class ControlStream : IDisposable {
         }
     }
 
-    public Task UploadAsync(byte[] scene, TimeSpan timeout) {
+    public Task<UploadSceneResponse> UploadAsync(byte[] scene, TimeSpan timeout) {
         return Guard(async () => {
             using (var upload = client.UploadScene(deadline: DateTime.UtcNow + timeout)) {
-                for (int at = 0; at < scene.Length; at += ChunkBytes) {
-                    int size = Math.Min(ChunkBytes, scene.Length - at);
-                    await upload.RequestStream.WriteAsync(new UploadSceneRequest { Chunk = ByteString.CopyFrom(scene, at, size) });
+                try {
+                    for (int at = 0; at < scene.Length; at += ChunkBytes) {
+                        int size = Math.Min(ChunkBytes, scene.Length - at);
+                        await upload.RequestStream.WriteAsync(new UploadSceneRequest { Chunk = ByteString.CopyFrom(scene, at, size) });
+                    }
+                    await upload.RequestStream.CompleteAsync();
+                } catch (Exception error) when (error is RpcException || error is InvalidOperationException) {
+                    // The daemon has ended the call, and the response says why.
                 }
-                await upload.RequestStream.CompleteAsync();
                 return await upload.ResponseAsync;
             }
         });

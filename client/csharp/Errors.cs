@@ -22,7 +22,21 @@ public sealed class FailedException : Exception {
         return new FailedException(error.StatusCode, error.Status.Detail, StatusDetails.Violations(error.Trailers));
     }
 
-    // Another attempt, or another daemon, may help.
+    // The refusal of a tick that ends each call in which it is sent. The kinds of errors have the names of gRPC's codes.
+    internal TickError AsRefusal(ulong sequence) {
+        TickError.Types.Code code;
+        if (!Enum.TryParse(Code.ToString(), out code)) code = TickError.Types.Code.InvalidArgument;
+        return new TickError { Sequence = sequence, Code = code, Message = Message, FieldViolations = { Violations } };
+    }
+
+    // A part of a field that is wrong has this name.
+    internal bool Names(string part) {
+        foreach (var violation in Violations)
+            if (violation.Field.Contains(part)) return true;
+        return false;
+    }
+
+    // Another attempt, or another daemon, may help. A scene file that is too large stays so.
     internal bool IsLost(bool opening) {
         switch (Code) {
             case StatusCode.Unavailable:
@@ -33,7 +47,7 @@ public sealed class FailedException : Exception {
             case StatusCode.Aborted:
                 return true;
             default:
-                return opening && Code == StatusCode.ResourceExhausted;
+                return opening && Code == StatusCode.ResourceExhausted && !Names("chunk");
         }
     }
 }

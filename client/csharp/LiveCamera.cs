@@ -9,7 +9,7 @@ namespace Sightline.Client {
 
 /// <summary>How a LiveCamera reaches its daemons, and how long it waits. GiveUpAfter does not count.</summary>
 public sealed class LiveOptions {
-    /// <summary>Uploads, OpenTimeout, OnResync and Connect. OnResync is called on a thread of the pool.</summary>
+    /// <summary>Scene, SceneFile, Uploads, OpenTimeout, OnResync and Connect. OnResync is called on a thread of the pool.</summary>
     public CameraOptions Camera { get; set; } = new CameraOptions();
     /// <summary>Tick waits at most so long for its answer; zero: not at all.</summary>
     public TimeSpan Wait { get; set; } = TimeSpan.FromSeconds(0.1);
@@ -65,15 +65,15 @@ public sealed class LiveCamera : IDisposable {
     List<TickError> refusals = new List<TickError>();
     Exception fatal, trouble;
 
-    /// <summary>Starts a session. addresses: for example "http://127.0.0.1:50151".</summary>
+    /// <summary>Starts a session. addresses: for example "http://127.0.0.1:50151". Throws what File.ReadAllBytes throws for Camera.SceneFile.</summary>
     public LiveCamera(IReadOnlyList<string> addresses, OpenSession opening, LiveOptions options = null) {
         this.addresses = addresses;
         this.opening = opening.Clone();
         this.options = options ?? new LiveOptions();
         var given = this.options.Camera;
         cameraOptions = new CameraOptions {
-            GiveUpAfter = TimeSpan.Zero, ReplyTimeout = this.options.ReplyTimeout, OpenTimeout = given.OpenTimeout, Uploads = given.Uploads, OnResync = given.OnResync,
-            Connect = given.Connect
+            GiveUpAfter = TimeSpan.Zero, ReplyTimeout = this.options.ReplyTimeout, OpenTimeout = given.OpenTimeout, Scene = given.ReadScene(),
+            Uploads = given.Uploads, OnResync = given.OnResync, Connect = given.Connect
         };
         display = new Display(this.opening, this.options.Blend.TotalSeconds);
         worker = Task.Run(WorkAsync);
@@ -192,9 +192,9 @@ public sealed class LiveCamera : IDisposable {
 
     // Opens the session if need be, and gets the answer to the tick. False: the camera was closed.
     async Task<bool> TryForEverAsync(Tick tick) {
-        int resumes = Resumes;
         for (var pause = TimeSpan.Zero;; pause = SightlineCamera.Longer(pause)) {
             if (pause > TimeSpan.Zero && !await PauseAsync(pause)) return false;
+            string stream = StreamName;
             try {
                 if (camera == null) camera = await SightlineCamera.OpenAsync(addresses, opening, cameraOptions);
                 if (tick != null) Answer(tick, await camera.TickAsync(tick), null);
@@ -203,14 +203,17 @@ public sealed class LiveCamera : IDisposable {
                 Answer(tick, null, refused.Error);
                 return true;
             } catch (FailedException failed) when (camera != null || failed.IsLost(opening: true)) {
-                if (tick != null && Resumes > resumes && !failed.IsLost(opening: false)) {  // the tick itself ends the call
-                    Answer(tick, null, new TickError { Sequence = tick.Sequence, Code = TickError.Types.Code.InvalidArgument, Message = failed.Message });
+                if (tick != null && StreamName != stream && !failed.IsLost(opening: false)) {
+                    Answer(tick, null, failed.AsRefusal(tick.Sequence));  // it would end the call of the next stream too
                     return true;
                 }
                 lock (gate) trouble = failed;
             }
         }
     }
+
+    // Another one after each opening and each resumption. A session that cannot be resumed goes on under another id.
+    string StreamName => Opened?.SessionId + " " + Resumes;
 
     // False: the camera was closed.
     async Task<bool> PauseAsync(TimeSpan pause) {

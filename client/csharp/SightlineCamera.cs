@@ -1,6 +1,7 @@
 using System;
 using System.Collections.Generic;
 using System.Diagnostics;
+using System.IO;
 using System.Threading.Tasks;
 using Google.Protobuf;
 using Grpc.Core;
@@ -15,15 +16,21 @@ public sealed class CameraOptions {
     public TimeSpan GiveUpAfter { get; set; } = TimeSpan.FromSeconds(30);
     /// <summary>A daemon that answers nothing for so long is taken for lost.</summary>
     public TimeSpan ReplyTimeout { get; set; } = TimeSpan.FromSeconds(5);
-    /// <summary>The same for the opening, for which the daemon loads the scene.</summary>
+    /// <summary>The same for an upload, and for the opening, for which the daemon loads the scene.</summary>
     public TimeSpan OpenTimeout { get; set; } = TimeSpan.FromSeconds(30);
-    /// <summary>The scene files that SceneRef.Hash names; a daemon that does not have one gets it.</summary>
+    /// <summary>The client's own scene file (.glb, or .gltf without other files): each daemon gets it, and its hash goes into OpenSession.Scene.</summary>
+    public byte[] Scene { get; set; }
+    /// <summary>The same by its path.</summary>
+    public string SceneFile { get; set; }
+    /// <summary>Files that the opening or a tick names by their hashes; a daemon that does not have one gets it.</summary>
     public IReadOnlyList<byte[]> Uploads { get; set; } = new byte[0][];
     /// <summary>Called with the reason after the session was opened again.</summary>
     public Action<string> OnResync { get; set; }
     /// <summary>Makes the channel to an address. Unity needs a handler of its own: see README.md. Default: GrpcChannel.ForAddress.</summary>
     public Func<string, ChannelBase> Connect { get; set; } =
         address => GrpcChannel.ForAddress(address, new GrpcChannelOptions { MaxReceiveMessageSize = 64 << 20 });
+
+    internal byte[] ReadScene() { return SceneFile == null ? Scene : File.ReadAllBytes(SceneFile); }
 }
 
 /// <summary>A session that keeps targets in view, tick by tick. One call at a time.
@@ -34,6 +41,7 @@ public sealed class CameraOptions {
 public sealed class SightlineCamera : IDisposable {
     readonly IReadOnlyList<string> addresses;
     readonly CameraOptions options;
+    readonly byte[] scene;  // the client's own; null: there is none
     readonly Snapshot snapshot;
     readonly Random random = new Random();
     ControlStream stream;
@@ -55,10 +63,11 @@ public sealed class SightlineCamera : IDisposable {
     SightlineCamera(IReadOnlyList<string> addresses, OpenSession opening, CameraOptions options) {
         this.addresses = addresses;
         this.options = options ?? new CameraOptions();
+        scene = this.options.ReadScene();
         snapshot = new Snapshot(opening);
     }
 
-    /// <summary>Opens a session in the first daemon that takes it. Throws FailedException.</summary>
+    /// <summary>Opens a session in the first daemon that takes it. Throws FailedException, and what File.ReadAllBytes throws.</summary>
     /// <param name="addresses">For example "http://127.0.0.1:50151".</param>
     public static async Task<SightlineCamera> OpenAsync(IReadOnlyList<string> addresses, OpenSession opening, CameraOptions options = null) {
         var camera = new SightlineCamera(addresses, opening, options);
@@ -131,11 +140,20 @@ public sealed class SightlineCamera : IDisposable {
 
     async Task OpenStreamAsync() {
         try {
+            // The opening needs the hash, which comes with the upload.
+            if (scene != null && snapshot.SceneHash.Length == 0) await UploadAsync(new byte[0][]);
             Opened = await TryOpenAsync();
-        } catch (FailedException error) when (LacksScene(error) && options.Uploads.Count > 0) {
-            using (var uploads = new ControlStream(options.Connect(addresses[address])))
-                foreach (var scene in options.Uploads) await uploads.UploadAsync(scene, options.OpenTimeout);
+        } catch (FailedException error) when (LacksScene(error) && (scene != null || options.Uploads.Count > 0)) {
+            await UploadAsync(options.Uploads);
             Opened = await TryOpenAsync();
+        }
+    }
+
+    // The client's own scene and others, in a stream that opens no session, since the daemon does not wait long for an opening.
+    async Task UploadAsync(IReadOnlyList<byte[]> others) {
+        using (var apart = new ControlStream(options.Connect(addresses[address]))) {
+            if (scene != null) snapshot.SceneHash = (await apart.UploadAsync(scene, options.OpenTimeout)).Hash;
+            foreach (var other in others) await apart.UploadAsync(other, options.OpenTimeout);
         }
     }
 
@@ -184,10 +202,7 @@ public sealed class SightlineCamera : IDisposable {
     }
 
     static bool LacksScene(FailedException error) {
-        if (error.Code != StatusCode.NotFound) return false;
-        foreach (var violation in error.Violations)
-            if (violation.Field.Contains("scene")) return true;
-        return false;
+        return error.Code == StatusCode.NotFound && error.Names("scene");
     }
 
     // What a new session begins with after its opening, so that `next` can follow.

@@ -28,6 +28,15 @@ internal sealed class Snapshot {
 
     public Snapshot(OpenSession opening) { this.opening = opening.Clone(); }
 
+    /// <summary>Hash of the scene that the opening names; empty: it names none by its hash.</summary>
+    public string SceneHash {
+        get { return opening.Scene?.Hash ?? ""; }
+        set {
+            opening.Scene = opening.Scene ?? new SceneRef();
+            opening.Scene.Hash = value;
+        }
+    }
+
     /// <summary>Takes a tick that the daemon has applied.</summary>
     public void Apply(Tick tick) {
         if (tick.WorldShift != null) ShiftWorld(tick.WorldShift);

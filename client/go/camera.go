@@ -9,6 +9,7 @@ import (
 	"crypto/tls"
 	"errors"
 	"math/rand/v2"
+	"os"
 	"time"
 
 	"google.golang.org/protobuf/proto"
@@ -25,8 +26,10 @@ const (
 type Options struct {
 	GiveUpAfter  time.Duration       // how long a tick waits for a daemon that takes the session over; negative: not at all. Default: 30 s
 	ReplyTimeout time.Duration       // a daemon that answers nothing for so long is taken for lost. Default: 5 s
-	OpenTimeout  time.Duration       // the same for the opening, for which the daemon loads the scene. Default: 30 s
-	Uploads      [][]byte            // the scene files that SceneRef.hash names; a daemon that does not have one gets it
+	OpenTimeout  time.Duration       // the same for an upload, and for the opening, for which the daemon loads the scene. Default: 30 s
+	Scene        []byte              // the client's own scene file (.glb, or .gltf without other files): each daemon gets it, and its hash goes into OpenSession.scene
+	SceneFile    string              // the same by its path
+	Uploads      [][]byte            // files that the opening or a tick names by their hashes; a daemon that does not have one gets it
 	OnResync     func(reason string) // called by Tick after the session was opened again
 	TLS          *tls.Config         // encrypts TCP, and can show the daemon a certificate; nil: TCP is not encrypted
 	Token        string              // shows the daemon who calls; needs TLS or a unix socket
@@ -40,6 +43,7 @@ type Camera struct {
 	addresses []string
 	address   int
 	options   Options
+	uploads   [][]byte // the client's own scene comes first
 	snapshot  *snapshot
 	stream    *stream
 	opened    *v1.SessionOpened
@@ -51,13 +55,20 @@ type Camera struct {
 	answered  uint64 // the newest tick of this session that was answered
 }
 
-// Open opens a session with the first of the addresses ("host:port" or "unix:/path") that answers. The error is a *Failed, or that of ctx.
+// Open opens a session with the first of the addresses ("host:port" or "unix:/path") that answers. The error is a *Failed, that of ctx, or that
+// of reading Options.SceneFile.
 func Open(ctx context.Context, addresses []string, opening *v1.OpenSession, options Options) (*Camera, error) {
 	setDefault(&options.GiveUpAfter, 30*time.Second)
 	setDefault(&options.ReplyTimeout, 5*time.Second)
 	setDefault(&options.OpenTimeout, 30*time.Second)
-	c := &Camera{addresses: addresses, options: options, snapshot: newSnapshot(opening)}
-	var err error
+	err := options.readScene()
+	if err != nil {
+		return nil, err
+	}
+	c := &Camera{addresses: addresses, options: options, uploads: options.Uploads, snapshot: newSnapshot(opening)}
+	if options.Scene != nil {
+		c.uploads = append([][]byte{options.Scene}, options.Uploads...)
+	}
 	for range addresses {
 		if err = c.openStream(ctx); err == nil {
 			return c, nil
@@ -68,6 +79,14 @@ func Open(ctx context.Context, addresses []string, opening *v1.OpenSession, opti
 		}
 	}
 	return nil, err
+}
+
+func (o *Options) readScene() (err error) {
+	if o.SceneFile != "" {
+		o.Scene, err = os.ReadFile(o.SceneFile)
+		o.SceneFile = ""
+	}
+	return err
 }
 
 func setDefault(value *time.Duration, standard time.Duration) {
@@ -229,9 +248,13 @@ func (c *Camera) tryToResume(ctx context.Context) (*stream, *v1.SessionOpened, e
 
 // openStream leaves no stream behind when it fails.
 func (c *Camera) openStream(ctx context.Context) error {
-	opened, err := c.openSession(ctx, nil)
-	if err != nil && lacksScene(err) && len(c.options.Uploads) > 0 {
-		opened, err = c.openSession(ctx, c.options.Uploads)
+	first := 0
+	if c.options.Scene != nil && c.snapshot.first.GetScene().GetHash() == "" {
+		first = 1 // the opening needs its hash, which comes with the upload
+	}
+	opened, err := c.openSession(ctx, c.uploads[:first])
+	if err != nil && lacksScene(err) && len(c.uploads) > 0 {
+		opened, err = c.openSession(ctx, c.uploads)
 	}
 	c.stream = opened
 	return err
@@ -240,15 +263,12 @@ func (c *Camera) openStream(ctx context.Context) error {
 func (c *Camera) openSession(ctx context.Context, uploads [][]byte) (*stream, error) {
 	ctx, cancel := context.WithTimeout(ctx, c.options.OpenTimeout*time.Duration(len(uploads)+1))
 	defer cancel()
+	if err := c.upload(ctx, uploads); err != nil {
+		return nil, err
+	}
 	next, err := openStream(c.addresses[c.address], &c.options)
 	if err != nil {
 		return nil, err
-	}
-	for _, scene := range uploads {
-		if err = next.upload(ctx, scene); err != nil {
-			next.cutOff()
-			return nil, err
-		}
 	}
 	opening := c.snapshot.opening()
 	opening.Resumable = true
@@ -259,6 +279,28 @@ func (c *Camera) openSession(ctx context.Context, uploads [][]byte) (*stream, er
 	}
 	c.opened, c.token, c.answered = opened, opened.GetResumeToken(), 0
 	return next, nil
+}
+
+// upload uses a stream that opens no session, since the daemon does not wait long for an opening.
+func (c *Camera) upload(ctx context.Context, scenes [][]byte) error {
+	if len(scenes) == 0 {
+		return nil
+	}
+	apart, err := openStream(c.addresses[c.address], &c.options)
+	if err != nil {
+		return err
+	}
+	defer apart.cutOff()
+	for i, scene := range scenes {
+		hash, err := apart.upload(ctx, scene)
+		if err != nil {
+			return err
+		}
+		if i == 0 && c.options.Scene != nil {
+			c.snapshot.useScene(hash)
+		}
+	}
+	return nil
 }
 
 // tellPast tells a new session what happened before the tick.

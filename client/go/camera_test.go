@@ -135,6 +135,18 @@ func TestErrorsNameTheField(t *testing.T) {
 	}
 }
 
+func TestASceneFileThatIsMissingIsAnError(t *testing.T) {
+	options := Options{SceneFile: "no/such.glb"}
+	if _, err := Open(context.Background(), []string{"127.0.0.1:1"}, opening(), options); !errors.Is(err, os.ErrNotExist) {
+		t.Errorf("got %v", err)
+	}
+	camera := OpenLive([]string{"127.0.0.1:1"}, opening(), LiveOptions{Options: options})
+	if _, err := camera.Tick(&v1.Tick{}); !errors.Is(err, os.ErrNotExist) {
+		t.Errorf("got %v", err)
+	}
+	camera.Close()
+}
+
 func TestTheSessionGoesOnInTheDaemonAtTheNextAddress(t *testing.T) {
 	first, second := startDaemon(t), startDaemon(t)
 	var reasons []string

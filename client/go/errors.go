@@ -48,25 +48,41 @@ func failedCall(err error) *Failed {
 	return failed
 }
 
+var refusalCodes = map[codes.Code]v1.TickError_Code{
+	codes.NotFound: v1.TickError_CODE_NOT_FOUND, codes.AlreadyExists: v1.TickError_CODE_ALREADY_EXISTS,
+	codes.FailedPrecondition: v1.TickError_CODE_FAILED_PRECONDITION, codes.ResourceExhausted: v1.TickError_CODE_RESOURCE_EXHAUSTED,
+}
+
+// asRefusal is the refusal of a tick that ends each call in which it is sent.
+func (f *Failed) asRefusal(sequence uint64) *Refused {
+	code, known := refusalCodes[f.Code]
+	if !known {
+		code = v1.TickError_CODE_INVALID_ARGUMENT
+	}
+	return &Refused{&v1.TickError{Sequence: sequence, Code: code, Message: f.Error(), FieldViolations: f.Violations}}
+}
+
 func unavailable(message string) *Failed {
 	return failedCall(status.Error(codes.Unavailable, message))
 }
 
 var lostCodes = []codes.Code{codes.Unavailable, codes.Canceled, codes.Unknown, codes.Internal, codes.DeadlineExceeded, codes.Aborted}
 
-// isLost says whether another attempt, or another daemon, may help.
+// isLost says whether another attempt, or another daemon, may help. A scene file that is too large stays so.
 func isLost(err error, opening bool) bool {
 	var failed *Failed
 	if !errors.As(err, &failed) {
 		return false
 	}
-	return slices.Contains(lostCodes, failed.Code) || (opening && failed.Code == codes.ResourceExhausted)
+	return slices.Contains(lostCodes, failed.Code) || (opening && failed.Code == codes.ResourceExhausted && !failed.names("chunk"))
 }
 
 func lacksScene(err error) bool {
 	var failed *Failed
-	if !errors.As(err, &failed) || failed.Code != codes.NotFound {
-		return false
-	}
-	return slices.ContainsFunc(failed.Violations, func(v *v1.FieldViolation) bool { return strings.Contains(v.GetField(), "scene") })
+	return errors.As(err, &failed) && failed.Code == codes.NotFound && failed.names("scene")
+}
+
+// names says whether a part of a field that is wrong has this name.
+func (f *Failed) names(part string) bool {
+	return slices.ContainsFunc(f.Violations, func(v *v1.FieldViolation) bool { return strings.Contains(v.GetField(), part) })
 }

@@ -67,6 +67,11 @@ type LiveCamera struct {
 	closedByGame bool
 }
 
+type streamName struct {
+	sessionID string
+	resumes   int
+}
+
 // OpenLive starts a session with the first of the addresses ("host:port" or "unix:/path") that answers. It returns at once.
 func OpenLive(addresses []string, opening *v1.OpenSession, options LiveOptions) *LiveCamera {
 	setDefault(&options.Wait, 100*time.Millisecond)
@@ -76,10 +81,15 @@ func OpenLive(addresses []string, opening *v1.OpenSession, options LiveOptions) 
 	setDefault(&options.ReplyTimeout, 2*time.Second)
 	options.GiveUpAfter = -1
 	opening = proto.Clone(opening).(*v1.OpenSession)
+	fatal := options.readScene()
 	ctx, cancel := context.WithCancel(context.Background())
 	c := &LiveCamera{addresses: addresses, opening: opening, options: options, ctx: ctx, cancel: cancel, display: newDisplay(opening, options.Blend.Seconds()),
-		stopping: make(chan struct{}), stopped: make(chan struct{}), changed: make(chan struct{})}
-	go c.work()
+		fatal: fatal, stopping: make(chan struct{}), stopped: make(chan struct{}), changed: make(chan struct{})}
+	if c.fatal != nil {
+		close(c.stopped)
+	} else {
+		go c.work()
+	}
 	return c
 }
 
@@ -105,7 +115,8 @@ func (c *LiveCamera) Resumes() int {
 }
 
 // Tick tells the daemon what has changed, and returns the camera to draw. It waits for the answer at most LiveOptions.Wait, and not at all
-// while an earlier tick is unanswered. The camera numbers ticks. The error is ErrQueueFull, or a *Failed for an opening that no daemon accepts.
+// while an earlier tick is unanswered. The camera numbers ticks. The error is ErrQueueFull, a *Failed for an opening that no daemon accepts, or that of
+// reading Options.SceneFile.
 func (c *LiveCamera) Tick(message *v1.Tick) (*LiveView, error) {
 	if message.GetStepControl().GetMergeIntoNext() {
 		return nil, errors.New("step_control.merge_into_next: a camera waits for a reply to each tick")
@@ -269,18 +280,17 @@ func (c *LiveCamera) next() []*v1.Tick {
 
 // tryForEver opens the session if need be, and gets the answer to the tick. False: the camera was closed, or no daemon takes the opening.
 func (c *LiveCamera) tryForEver(tick *v1.Tick) bool {
-	resumes := c.Resumes()
 	for pause := time.Duration(0); ; pause = min(longer(pause), longestLivePause) {
 		if pause > 0 && !c.sleep(pause) {
 			return false
 		}
+		stream := c.streamName()
 		reply, err := c.try(tick)
-		var refused *Refused
-		if tick != nil && c.Resumes() > resumes && c.ctx.Err() == nil && err != nil && !errors.As(err, &refused) && !isLost(err, false) {
-			// The tick itself ends the call.
-			refused = &Refused{&v1.TickError{Sequence: tick.GetSequence(), Code: v1.TickError_CODE_INVALID_ARGUMENT, Message: err.Error()}}
-			err = refused
+		var failed *Failed
+		if tick != nil && c.streamName() != stream && errors.As(err, &failed) && !isLost(err, false) {
+			err = failed.asRefusal(tick.GetSequence()) // it would end the call of the next stream too
 		}
+		var refused *Refused
 		if err == nil || errors.As(err, &refused) {
 			if tick != nil {
 				c.answer(tick, reply, refused)
@@ -294,6 +304,13 @@ func (c *LiveCamera) tryForEver(tick *v1.Tick) bool {
 		c.trouble = err
 		c.mutex.Unlock()
 	}
+}
+
+// streamName is another one after each opening and each resumption. A session that cannot be resumed goes on under another id.
+func (c *LiveCamera) streamName() streamName {
+	c.mutex.Lock()
+	defer c.mutex.Unlock()
+	return streamName{c.opened.GetSessionId(), c.resumes}
 }
 
 // sleep returns false when the camera was closed.

@@ -36,6 +36,14 @@ func newSnapshot(first *v1.OpenSession) *snapshot {
 	return &snapshot{first: proto.Clone(first).(*v1.OpenSession), changes: map[uint64]*change{}, terms: &v1.Tick{}}
 }
 
+// useScene makes the opening name the scene.
+func (s *snapshot) useScene(hash string) {
+	if s.first.Scene == nil {
+		s.first.Scene = &v1.SceneRef{}
+	}
+	s.first.Scene.Source = &v1.SceneRef_Hash{Hash: hash}
+}
+
 // apply takes a tick that the daemon has applied.
 func (s *snapshot) apply(tick *v1.Tick) {
 	if tick.GetWorldShift() != nil {

@@ -156,20 +156,22 @@ func (s *stream) opened(ctx context.Context, timeout time.Duration) (*v1.Session
 	}
 }
 
-func (s *stream) upload(ctx context.Context, scene []byte) error {
+// upload returns the hash of the scene.
+func (s *stream) upload(ctx context.Context, scene []byte) (string, error) {
 	call, err := s.client.UploadScene(ctx)
 	if err != nil {
-		return failedCall(err)
+		return "", failedCall(err)
 	}
 	for at := 0; at < len(scene); at += chunkBytes {
 		if call.Send(&v1.UploadSceneRequest{Chunk: scene[at:min(at+chunkBytes, len(scene))]}) != nil {
 			break // CloseAndRecv says why
 		}
 	}
-	if _, err = call.CloseAndRecv(); err != nil {
-		return failedCall(err)
+	uploaded, err := call.CloseAndRecv()
+	if err != nil {
+		return "", failedCall(err)
 	}
-	return nil
+	return uploaded.GetHash(), nil
 }
 
 // finish ends the session in order.

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <thread>
 
+#include "client/cpp/live_camera.h"
 #include "tests/support/daemon_process.h"
 
 namespace sightline {
@@ -53,6 +54,18 @@ v1::CameraReply play(Camera& camera, int first, int n) {
 double apart(const v1::CameraReply& a, const v1::CameraReply& b) {
   const v1::Vec3 &p = a.pose().position(), &q = b.pose().position();
   return std::hypot(p.x() - q.x(), p.y() - q.y(), p.z() - q.z());
+}
+
+TEST(CameraTest, ASceneFileThatIsMissingIsAnError) {
+  LiveOptions options;
+  options.camera.scene_file = "no/such.glb";
+  options.wait = 5s;
+  const auto camera = Camera::open({"127.0.0.1:1"}, one_capsule(), options.camera);
+  ASSERT_FALSE(camera);
+  EXPECT_EQ(camera.error().field, "scene_file");
+  const auto view = LiveCamera::open({"127.0.0.1:1"}, one_capsule(), options).tick(tick(0));
+  ASSERT_FALSE(view);
+  EXPECT_EQ(view.error().field, "scene_file");
 }
 
 TEST(CameraTest, TheSessionGoesOnInTheDaemonAtTheNextAddress) {

@@ -40,7 +40,8 @@ static class LivePlayer {
 
     static string Open(string line) {
         var opening = OpenSession.Parser.ParseFrom(Player.Bytes(line, "live_open"));
-        var options = new LiveOptions { Wait = TimeSpan.FromSeconds(Numbers(line, "wait_s")[0]) };
+        var camera = new CameraOptions { SceneFile = Player.TextOrNull(line, "scene_file") };
+        var options = new LiveOptions { Camera = camera, Wait = TimeSpan.FromSeconds(Numbers(line, "wait_s")[0]) };
         live = new LiveCamera(new[] { "http://" + Player.Text(line, "address") }, opening, options);
         return "{\"live\": {}}";
     }
@@ -59,8 +60,8 @@ static class LivePlayer {
         return "{\"view\": {\"position\": [" + Json(view.Shown.Position) + "], \"rotation\": [" + Json(view.Shown.Rotation) + "], \"field_of_view\": " +
                Json(view.Shown.FieldOfView) + ", \"cut\": " + Json(view.Shown.Cut) + ", \"age_s\": " + Json(view.AgeS) + ", \"source\": \"" +
                view.Source.ToString().ToLowerInvariant() + "\", \"sequence\": " + view.Sequence + ", \"reply\": " + (view.Reply?.Sequence ?? 0) + ", \"hash\": \"" +
-               (view.Reply?.MirrorHash ?? 0) + "\", \"refusals\": [" + string.Join(", ", view.Refusals.Select(refusal => refusal.Sequence)) + "], \"trouble\": " +
-               Json(view.Trouble != null) + ", \"took_s\": " + Json(tookS) + "}}";
+               (view.Reply?.MirrorHash ?? 0) + "\", \"refusals\": [" + string.Join(", ", view.Refusals.Select(refusal => refusal.Sequence)) + "], \"refusal_codes\": [" +
+               string.Join(", ", view.Refusals.Select(refusal => (int)refusal.Code)) + "], \"trouble\": " + Json(view.Trouble != null) + ", \"took_s\": " + Json(tookS) + "}}";
     }
 
     static string Close() {

@@ -37,12 +37,15 @@ static class Player {
         var opening = OpenSession.Parser.ParseFrom(Bytes(line, "open"));
         var uploads = Regex.Match(line, "\"uploads\": \\[(.*?)\\]").Groups[1].Value;
         var files = Regex.Matches(uploads, "\"(.*?)\"").Cast<Match>().Select(file => File.ReadAllBytes(file.Groups[1].Value)).ToList();
-        camera = await SightlineCamera.OpenAsync(new[] { "http://" + Text(line, "address") }, opening, new CameraOptions { Uploads = files });
+        var options = new CameraOptions { SceneFile = TextOrNull(line, "scene_file"), Uploads = files };
+        if (TextOrNull(line, "scene") is string scene) options.Scene = File.ReadAllBytes(scene);
+        camera = await SightlineCamera.OpenAsync(new[] { "http://" + Text(line, "address") }, opening, options);
         return camera.Opened;
     }
 
     public static string CodeName(FailedException error) { return Regex.Replace(error.Code.ToString(), "(?<=.)([A-Z])", "_$1").ToUpperInvariant(); }
     public static string Text(string line, string name) { return Regex.Match(line, "\"" + name + "\": \"(.*?)\"").Groups[1].Value; }
+    public static string TextOrNull(string line, string name) { return line.Contains("\"" + name + "\": \"") ? Text(line, name) : null; }
     public static byte[] Bytes(string line, string name) { return Convert.FromBase64String(Text(line, name)); }
     static string Message(string name, IMessage message) { return "{\"" + name + "\": \"" + Convert.ToBase64String(message.ToByteArray()) + "\"}"; }
     static string Quoted(string text) { return "\"" + text.Replace("\\", "\\\\").Replace("\"", "\\\"") + "\""; }

@@ -20,6 +20,7 @@ from game import ANNA, BEN, CRATE, Game, Starting, Stopped, fastest, fastest_tur
 from google.protobuf import json_format  # noqa: E402
 from players import Player, commands_of  # noqa: E402
 from relay import Relay  # noqa: E402
+from sightline.v1.errors_pb2 import TickError  # noqa: E402
 from sightline.v1.session_pb2 import OpenSession, Tick  # noqa: E402
 from sightline_client import Camera  # noqa: E402
 
@@ -48,9 +49,9 @@ def refusals(frames):
 class Trial(unittest.TestCase):
     """One client, with a daemon of its own, which is not started yet."""
 
-    def __init__(self, name):
+    def __init__(self, name, *flags):
         super().__init__()
-        self.name, self.daemon = name, Daemon(SIGHTLINED)
+        self.name, self.daemon = name, Daemon(SIGHTLINED, *flags)
         self.daemon.address = free_address()
 
     def __enter__(self):
@@ -188,8 +189,11 @@ class Trial(unittest.TestCase):
         game = self.game()
         game.play(0.5)
         game.play(1 / 60, lambda frame: {"delta": {"removedIds": [str(10**6 + i) for i in range(700_000)]}})
-        game.play(2.0)
+        for _ in range(10):  # as long as so large a message takes
+            if game.play(1.0)[-1].view["source"] in DAEMONS and refusals(game.frames):
+                break
         self.assertEqual([31], refusals(game.frames))
+        self.assertEqual([TickError.CODE_RESOURCE_EXHAUSTED], [code for frame in game.frames for code in frame.view["refusal_codes"]])
         self.assertIn(game.frames[-1].view["source"], DAEMONS)
         game.close()
 
@@ -229,10 +233,10 @@ def changes(frame):
 
 
 class LiveTest(unittest.TestCase):
-    def each(self, play):
-        """Some clients at once, since most of the time they wait. A failure of one does not keep the others from playing."""
+    def each(self, play, *flags):
+        """Some clients at once, since most of the time they wait. A failure of one does not keep the others from playing. flags: of the daemon."""
         def run(name):
-            with Trial(name) as trial:
+            with Trial(name, *flags) as trial:
                 play(trial)
         with concurrent.futures.ThreadPoolExecutor(AT_ONCE) as pool:
             played = {name: pool.submit(run, name) for name in PLAYERS}
@@ -251,6 +255,9 @@ class LiveTest(unittest.TestCase):
 
     def test_a_tick_that_is_too_large_is_refused_and_no_other(self):
         self.each(Trial.a_tick_that_is_too_large)
+
+    def test_so_it_is_where_no_session_can_be_resumed(self):
+        self.each(Trial.a_tick_that_is_too_large, "--resume-grace-s", "0")
 
     def test_a_close_while_the_daemon_is_stopped_ends_in_time(self):
         self.each(Trial.a_close_while_the_daemon_is_stopped)

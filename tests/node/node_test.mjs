@@ -10,7 +10,7 @@ import {setTimeout as sleep} from "node:timers/promises";
 import {promisify} from "node:util";
 
 const {SIGHTLINED, SIGHTLINE_NODE_CLIENT: FOLDER} = process.env;
-const {Camera, Failed, Refused, capsule, instance, box, transforms, vector} = await import(`${FOLDER}/dist/index.js`);
+const {Camera, Failed, LiveCamera, Refused, capsule, instance, box, transforms, vector} = await import(`${FOLDER}/dist/index.js`);
 
 const HERO = 1n, PILLAR = 3n;
 const OPENING = {
@@ -92,6 +92,12 @@ test("errors have types and name the field", async () => {
   await assert.rejects(Camera.open("127.0.0.1:1", OPENING), (error) => error instanceof Failed && error.message.startsWith("UNAVAILABLE: "));
   await camera.close();
   await daemon.stop();
+});
+
+test("a scene file that is missing is an error", async () => {
+  const scene = "no/such.glb";
+  await assert.rejects(Camera.open("127.0.0.1:1", OPENING, {scene}), {code: "ENOENT"});
+  assert.throws(() => new LiveCamera("127.0.0.1:1", OPENING, {scene}), {code: "ENOENT"});
 });
 
 test("the session goes on in the daemon at the next address", async () => {

@@ -14,12 +14,14 @@ import unittest
 SIGHTLINED, CLIENT, STUBS = sys.argv[1:4]
 sys.path[:0] = [STUBS, str(pathlib.Path(__file__).parent.parent / "conformance")]
 
+import court  # noqa: E402
 import grpc  # noqa: E402
 import sightline_client  # noqa: E402
 from daemon import Daemon  # noqa: E402
-from sightline.v1 import settings_pb2  # noqa: E402
-from sightline_client import Connection  # noqa: E402
+from sightline.v1 import scene_pb2, settings_pb2  # noqa: E402
+from sightline_client import Connection, Patience  # noqa: E402
 
+COURT = pathlib.Path(court.__file__).parent / "sessions/court.glb"
 HERO, PILLAR = 1, 3
 SCENE = dict(position=(0, 1.6, 6), targets={HERO: sightline_client.capsule(radius=0.3, height=1.8)},
              occluders={PILLAR: sightline_client.box(1, 4, 1)}, at={HERO: (0, 0.9, 0), PILLAR: (0, 2, 2)})
@@ -63,6 +65,23 @@ class ClientTest(unittest.TestCase):
         self.assertEqual(raised.exception.code, grpc.StatusCode.INVALID_ARGUMENT)
         self.assertEqual([v.field for v in raised.exception.violations], ["open.instances[0].shape.sphere.radius"])
         self.assertIn("[1e-4, 1e5] m", raised.exception.violations[0].description)
+
+    def test_a_scene_is_a_file_or_its_bytes_or_one_that_the_daemon_has(self):
+        hash_, whole = court.HASH, COURT.read_bytes()
+        for scene in (COURT, str(COURT), whole, scene_pb2.SceneRef(hash=hash_)):
+            with sightline_client.Camera(self.address, **SCENE, scene=scene) as camera:
+                self.assertEqual(camera.opened.instance_count, 4)
+            with sightline_client.LiveCamera(self.address, **SCENE, scene=scene, patience=Patience(wait_s=5)) as camera:
+                self.assertEqual(camera.tick(0, {}).source, sightline_client.Source.REPLY)
+                self.assertEqual(camera.opened.instance_count, 4)
+
+            async def opened():
+                async with sightline_client.AsyncCamera(self.address, **SCENE, scene=scene) as camera:
+                    return camera.opened
+            self.assertEqual(asyncio.run(opened()).instance_count, 4)
+        for kind in (sightline_client.Camera, sightline_client.AsyncCamera, sightline_client.LiveCamera):
+            with self.assertRaises(FileNotFoundError):
+                kind(self.address, **SCENE, scene="no/such.glb")
 
     def test_a_daemon_that_is_missing_is_unavailable(self):
         with self.assertRaises(sightline_client.Failed) as raised:

@@ -29,6 +29,7 @@ type liveCommand struct {
 	Tick      json.RawMessage `json:"live_tick"`
 	Close     json.RawMessage `json:"live_close"`
 	Address   string
+	SceneFile string  `json:"scene_file"`
 	WaitInSec float64 `json:"wait_s"`
 }
 
@@ -65,7 +66,7 @@ func (l *live) run(line []byte) (answer object, known bool) {
 		if wait == 0 {
 			wait = -1
 		}
-		l.camera = sightline.OpenLive([]string{c.Address}, parse(c.Open, &v1.OpenSession{}), sightline.LiveOptions{Wait: wait})
+		l.camera = sightline.OpenLive([]string{c.Address}, parse(c.Open, &v1.OpenSession{}), sightline.LiveOptions{Options: sightline.Options{SceneFile: c.SceneFile}, Wait: wait})
 		return object{"live": object{}}, true
 	case c.Tick != nil:
 		return l.tick(parse(c.Tick, &v1.Tick{})), true
@@ -108,12 +109,13 @@ func (l *live) tick(message *v1.Tick) object {
 	if err != nil {
 		log.Fatal(err)
 	}
-	refusals := []uint64{}
+	refusals, codes := []uint64{}, []int32{}
 	for _, refusal := range view.Refusals {
 		refusals = append(refusals, refusal.GetSequence())
+		codes = append(codes, int32(refusal.GetCode()))
 	}
 	return object{"view": object{
 		"position": view.Position, "rotation": view.Rotation, "field_of_view": view.FieldOfView, "cut": view.Cut, "age_s": view.AgeS,
 		"source": view.Source, "sequence": view.Sequence, "reply": view.Reply.GetSequence(), "hash": strconv.FormatUint(view.Reply.GetMirrorHash(), 10),
-		"refusals": refusals, "trouble": view.Trouble != nil, "took_s": took}}
+		"refusals": refusals, "refusal_codes": codes, "trouble": view.Trouble != nil, "took_s": took}}
 }

@@ -24,6 +24,8 @@ type command struct {
 	Open, Tick json.RawMessage
 	Address    string
 	Uploads    []string
+	Scene      string
+	SceneFile  string `json:"scene_file"`
 	Trust      map[string]string
 }
 
@@ -58,9 +60,16 @@ func tlsConfig(trust map[string]string) *tls.Config {
 }
 
 func open(c command) (*sightline.Camera, error) {
-	request, options := &v1.OpenSession{}, sightline.Options{Token: c.Trust["token"], TLS: tlsConfig(c.Trust)}
+	request, options := &v1.OpenSession{}, sightline.Options{Token: c.Trust["token"], TLS: tlsConfig(c.Trust), SceneFile: c.SceneFile}
 	if err := protojson.Unmarshal(c.Open, request); err != nil {
 		return nil, err
+	}
+	if c.Scene != "" {
+		scene, err := os.ReadFile(c.Scene)
+		if err != nil {
+			return nil, err
+		}
+		options.Scene = scene
 	}
 	for _, path := range c.Uploads {
 		scene, err := os.ReadFile(path)

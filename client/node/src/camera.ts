@@ -1,4 +1,6 @@
 // A camera that keeps its targets in view, tick by tick.
+import {readFileSync} from "node:fs";
+
 import {clone, create, type MessageInitShape} from "@bufbuild/protobuf";
 import {status} from "@grpc/grpc-js";
 
@@ -18,8 +20,9 @@ const LOST = [status.UNAVAILABLE, status.CANCELLED, status.UNKNOWN, status.INTER
 export interface Options extends Trust {
   giveUpAfterS?: number; // how long a tick waits for a daemon that takes the session over; 0: a lost session is an error at once. Default: 30
   replyTimeoutS?: number; // a daemon that answers nothing for so long is taken for lost. Default: 5
-  openTimeoutS?: number; // the same for the opening, for which the daemon loads the scene. Default: 30
-  uploads?: Uint8Array[]; // the scene files that SceneRef.hash names; a daemon that does not have one gets it
+  openTimeoutS?: number; // the same for an upload, and for the opening, for which the daemon loads the scene. Default: 30
+  scene?: Uint8Array | string | URL; // the client's own scene file (.glb, or .gltf without other files) or its path; each daemon gets it, and its hash goes into scene.hash
+  uploads?: Uint8Array[]; // files that the opening or a tick names by their hashes; a daemon that does not have one gets it
   onResync?: (reason: string) => void; // called after the session was opened again
 }
 
@@ -35,7 +38,8 @@ export class Camera {
   // How many times it went on in another stream without that.
   resumes = 0;
 
-  private readonly options: Required<Omit<Options, "onResync" | keyof Trust>> & Options;
+  private readonly options: Required<Omit<Options, "scene" | "onResync" | keyof Trust>> & Options;
+  private readonly scene?: Uint8Array; // the client's own
   private readonly snapshot: Snapshot;
   private stream?: Stream;
   private address = 0;
@@ -46,10 +50,12 @@ export class Camera {
 
   private constructor(private readonly addresses: string[], opening: MessageInitShape<typeof OpenSessionSchema>, options: Options) {
     this.options = {giveUpAfterS: 30, replyTimeoutS: 5, openTimeoutS: 30, uploads: [], ...options};
-    this.snapshot = new Snapshot(create(OpenSessionSchema, opening));
+    this.scene = readScene(options.scene);
+    this.snapshot = new Snapshot(clone(OpenSessionSchema, create(OpenSessionSchema, opening)));
   }
 
-  // Opens a session. addresses: "host:port" or "unix:/path", one or several, which are tried in turn. Throws Failed.
+  // Opens a session. addresses: "host:port" or "unix:/path", one or several, which are tried in turn. Throws Failed, and
+  // the error of reading the scene's file.
   static async open(addresses: string | string[], opening: MessageInitShape<typeof OpenSessionSchema>, options: Options = {}): Promise<Camera> {
     const camera = new Camera([addresses].flat(), opening, options);
     for (let left = camera.addresses.length; ; ) {
@@ -138,24 +144,39 @@ export class Camera {
   }
 
   private async openStream(): Promise<void> {
-    this.stream = new Stream(this.addresses[this.address]!, this.options);
+    const own = this.scene ? [this.scene] : [];
     try {
-      await this.openSession();
+      await this.openSession(this.snapshot.sceneHash ? [] : own); // the opening needs the hash, which comes with the upload
     } catch (error) {
-      if (!lacksScene(error) || !this.options.uploads.length) throw error;
-      this.stream.cutOff();
-      this.stream = new Stream(this.addresses[this.address]!, this.options);
-      for (const scene of this.options.uploads) await this.stream.upload(scene, this.options.openTimeoutS);
-      await this.openSession();
+      const uploads = [...own, ...this.options.uploads];
+      if (!lacksScene(error) || !uploads.length) throw error;
+      this.stream?.cutOff();
+      this.stream = undefined;
+      await this.openSession(uploads);
     }
   }
 
-  private async openSession(): Promise<void> {
+  private async openSession(uploads: Uint8Array[]): Promise<void> {
+    if (uploads.length) await this.upload(uploads);
+    this.stream = new Stream(this.addresses[this.address]!, this.options);
     const value = this.snapshot.opening();
     value.resumable = true;
     this.opened = await firstAnswer(this.stream!, {case: "open", value}, this.options.openTimeoutS);
     this.token = this.opened.resumeToken;
     this.answered = 0n;
+  }
+
+  // In a stream that opens no session, since the daemon does not wait long for an opening.
+  private async upload(scenes: Uint8Array[]): Promise<void> {
+    const stream = new Stream(this.addresses[this.address]!, this.options);
+    try {
+      for (const scene of scenes) {
+        const {hash} = await stream.upload(scene, this.options.openTimeoutS);
+        if (scene === this.scene) this.snapshot.sceneHash = hash;
+      }
+    } finally {
+      stream.cutOff();
+    }
   }
 
   // Goes on with the lost session, if the daemon keeps it. True: the daemon has taken the tick already, and its answer follows. Without a
@@ -217,13 +238,22 @@ async function firstAnswer(stream: Stream, request: ControlRequest["message"], t
   }
 }
 
-// True if another attempt, or another daemon, may help.
+// True if another attempt, or another daemon, may help. A scene file that is too large stays so.
 export function isLost(error: unknown, opening: boolean): boolean {
-  return error instanceof Failed && (LOST.includes(error.code) || (opening && error.code === status.RESOURCE_EXHAUSTED));
+  if (!(error instanceof Failed)) return false;
+  return LOST.includes(error.code) || (opening && error.code === status.RESOURCE_EXHAUSTED && !names(error, "chunk"));
 }
 
 function lacksScene(error: unknown): boolean {
-  return error instanceof Failed && error.code === status.NOT_FOUND && error.violations.some(({field}) => field.includes("scene"));
+  return error instanceof Failed && error.code === status.NOT_FOUND && names(error, "scene");
+}
+
+function names(error: Failed, part: string): boolean {
+  return error.violations.some(({field}) => field.includes(part));
+}
+
+export function readScene(scene: Options["scene"]): Uint8Array | undefined {
+  return typeof scene === "string" || scene instanceof URL ? readFileSync(scene) : scene;
 }
 
 // The times to wait between attempts, in seconds: none, then longer and longer. They are random, so that the cameras of a lost daemon do

@@ -1,11 +1,11 @@
 // The errors that a camera throws.
-import {fromBinary} from "@bufbuild/protobuf";
+import {create, fromBinary} from "@bufbuild/protobuf";
 import {anyUnpack} from "@bufbuild/protobuf/wkt";
 import {type ServiceError, status} from "@grpc/grpc-js";
 
 import {BadRequestSchema} from "./gen/google/rpc/error_details_pb.js";
 import {StatusSchema} from "./gen/google/rpc/status_pb.js";
-import type {TickError} from "./gen/sightline/v1/errors_pb.js";
+import {TickError_Code, TickErrorSchema, type TickError} from "./gen/sightline/v1/errors_pb.js";
 
 // A field of the request that is wrong.
 export interface Violation {
@@ -42,6 +42,12 @@ export class QueueFull extends Error {
 
 export function failedCall(error: ServiceError): Failed {
   return new Failed(error.code, error.details, violationsOf(error));
+}
+
+// The refusal of a tick that ends each call in which it is sent. The kinds of errors have the names of gRPC's codes.
+export function asRefusal({code, message, violations}: Failed, sequence: bigint): TickError {
+  const kind = TickError_Code[status[code] as keyof typeof TickError_Code] ?? TickError_Code.INVALID_ARGUMENT;
+  return create(TickErrorSchema, {sequence, code: kind, message, fieldViolations: violations});
 }
 
 export function unavailable(message: string): Failed {

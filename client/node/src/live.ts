@@ -1,10 +1,10 @@
 // A camera for a game loop: no call waits for long, with or without a daemon.
 import {clone, create, type MessageInitShape} from "@bufbuild/protobuf";
 
-import {Camera, isLost, pauses, type Options} from "./camera.js";
+import {Camera, isLost, pauses, readScene, type Options} from "./camera.js";
 import {Display, type Source} from "./display.js";
-import {Failed, Refused} from "./errors.js";
-import {TickError_Code, TickErrorSchema, type TickError} from "./gen/sightline/v1/errors_pb.js";
+import {asRefusal, Failed, Refused} from "./errors.js";
+import type {TickError} from "./gen/sightline/v1/errors_pb.js";
 import {OpenSessionSchema, TickSchema, type CameraReply, type OpenSession, type SessionOpened, type Tick} from "./gen/sightline/v1/session_pb.js";
 import type {Drawn} from "./following.js";
 import type {Quaternion, Vector} from "./shapes.js";
@@ -55,10 +55,11 @@ export class LiveCamera {
   private readonly wakes = new Set<() => void>();
   private readonly worker: Promise<void>;
 
-  // addresses: "host:port" or "unix:/path", one or several, which are tried in turn. Throws TypeError for an option that cannot be right.
+  // addresses: "host:port" or "unix:/path", one or several, which are tried in turn. Throws TypeError for an option that cannot be right, and
+  // the error of reading the scene's file.
   constructor(private readonly addresses: string | string[], opening: MessageInitShape<typeof OpenSessionSchema>, options: LiveOptions = {}) {
     for (const address of [addresses].flat()) checkTrust(address, options);
-    this.options = {waitS: 0.1, fallbackAfterS: 0.3, blendS: 0.5, replyTimeoutS: 2, closeS: 1, ...options, giveUpAfterS: 0};
+    this.options = {waitS: 0.1, fallbackAfterS: 0.3, blendS: 0.5, replyTimeoutS: 2, closeS: 1, ...options, scene: readScene(options.scene), giveUpAfterS: 0};
     this.opening = clone(OpenSessionSchema, create(OpenSessionSchema, opening));
     this.display = new Display(this.opening, this.options.blendS);
     this.worker = this.work().catch((error) => {
@@ -181,10 +182,10 @@ export class LiveCamera {
 
   // Opens the session if need be, and gets the answer to the tick. False: the camera was closed.
   private async tryForEver(tick?: Tick): Promise<boolean> {
-    const {resumes} = this;
     for (const pauseS of pauses()) {
       if (pauseS > 0 && !this.stopping) await this.pause(Math.min(pauseS, LONGEST_PAUSE_S));
       if (pauseS > 0 && this.stopping) return false;
+      const stream = this.streamName;
       try {
         this.camera ??= await Camera.open(this.addresses, this.opening, this.options);
         if (tick) this.answer(tick, await this.camera.tick(tick));
@@ -195,14 +196,19 @@ export class LiveCamera {
           return true;
         }
         if (!(error instanceof Failed) || (!this.camera && !isLost(error, true))) throw error;
-        if (tick && this.resumes > resumes && !isLost(error, false)) { // the tick itself ends the call
-          this.answer(tick, undefined, create(TickErrorSchema, {sequence: tick.sequence, code: TickError_Code.INVALID_ARGUMENT, message: error.message}));
+        if (tick && this.streamName !== stream && !isLost(error, false)) {
+          this.answer(tick, undefined, asRefusal(error, tick.sequence)); // it would end the call of the next stream too
           return true;
         }
         this.trouble = error;
       }
     }
     return false;
+  }
+
+  // Another one after each opening and each resumption. A session that cannot be resumed goes on under another id.
+  private get streamName(): string {
+    return `${this.opened?.sessionId} ${this.resumes}`;
   }
 
   private async pause(seconds: number): Promise<void> {

@@ -4,7 +4,7 @@ import {clone, create, mergeFromBinary, toBinary, type DescMessage, type Message
 import {Pose3Schema, Vec3Schema, type Pose3, type Vec3} from "./gen/sightline/v1/camera_pb.js";
 import {TickError_Code, type TickError} from "./gen/sightline/v1/errors_pb.js";
 import {
-  AttributeChangeSchema, SceneDeltaSchema, TransformsSchema, type Attributes, type NewInstance, type SceneDelta, type Transforms,
+  AttributeChangeSchema, SceneDeltaSchema, SceneRefSchema, TransformsSchema, type Attributes, type NewInstance, type SceneDelta, type Transforms,
 } from "./gen/sightline/v1/scene_pb.js";
 import {
   ObservedCameraSchema, OpenSessionSchema, StepControlSchema, TickSchema, type CameraReply, type ObservedCamera, type OpenSession, type Tick,
@@ -45,6 +45,17 @@ export class Snapshot {
   private shot?: Shot; // of the newest tick that had one
 
   constructor(private readonly first: OpenSession) {}
+
+  // Hash of the scene that the opening names.
+  get sceneHash(): string | undefined {
+    const source = this.first.scene?.source;
+    return source?.case === "hash" ? source.value : undefined;
+  }
+
+  set sceneHash(hash: string) {
+    this.first.scene ??= create(SceneRefSchema);
+    this.first.scene.source = {case: "hash", value: hash};
+  }
 
   // Takes a tick that the daemon has applied.
   apply(tick: Tick): void {

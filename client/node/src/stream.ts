@@ -4,6 +4,7 @@ import {Client, Metadata, credentials, type ChannelCredentials, type ClientDuple
 
 import {
   ControlRequestSchema, ControlResponseSchema, UploadSceneRequestSchema, UploadSceneResponseSchema, type ControlRequest, type ControlResponse,
+  type UploadSceneResponse,
 } from "./gen/sightline/v1/camera_control_pb.js";
 import {Failed, failedCall, unavailable} from "./errors.js";
 
@@ -96,10 +97,10 @@ export class Stream {
     return response;
   }
 
-  async upload(scene: Uint8Array, timeoutS: number): Promise<void> {
-    await new Promise<void>((resolve, reject) => {
+  async upload(scene: Uint8Array, timeoutS: number): Promise<UploadSceneResponse> {
+    return await new Promise((resolve, reject) => {
       const call = this.client.makeClientStreamRequest(`${SERVICE}UploadScene`, serialize(UploadSceneRequestSchema), parse(UploadSceneResponseSchema),
-        metadataOf(this.trust), {deadline: Date.now() + timeoutS * 1000}, (error) => (error ? reject(failedCall(error)) : resolve()));
+        metadataOf(this.trust), {deadline: Date.now() + timeoutS * 1000}, (error, response) => (error ? reject(failedCall(error)) : resolve(response!)));
       for (let at = 0; at < scene.length; at += CHUNK_BYTES)
         call.write(create(UploadSceneRequestSchema, {chunk: scene.subarray(at, at + CHUNK_BYTES)}));
       call.end();

@@ -8,11 +8,11 @@ from typing import Any, Mapping, Optional, Sequence, Union
 import grpc
 import grpc.aio
 
-from sightline.v1.camera_control_pb2 import ControlRequest, ControlResponse
+from sightline.v1.camera_control_pb2 import ControlRequest, ControlResponse, UploadSceneResponse
 from sightline.v1.scene_pb2 import Shape
 from sightline.v1.session_pb2 import CameraReply, OpenSession, SessionOpened, Tick
-from sightline_client.connection import (CHANNEL_OPTIONS, CONTROL, UPLOAD, Connection, Session, answers, chunks, ended, is_lost, lacks_scene,
-                                         pauses, silent)
+from sightline_client.connection import (CHANNEL_OPTIONS, CONTROL, UPLOAD, Connection, OwnScene, Scene, Session, answers, chunks, ended, is_lost,
+                                         lacks_scene, own_scene, pauses, silent)
 from sightline_client.errors import Failed, from_call
 from sightline_client.shapes import Place, opening, tick
 
@@ -73,13 +73,14 @@ class _Stream:
             raise message
         return message
 
-    async def upload(self, scene: bytes, timeout_s: float) -> None:
+    async def upload(self, scene: bytes, timeout_s: float) -> UploadSceneResponse:
         method, serialize, parse = UPLOAD
         send: Any = self._channel.stream_unary(method, request_serializer=serialize, response_deserializer=parse)
         try:
-            await send(chunks(scene), timeout=timeout_s, metadata=self._metadata)
+            response: UploadSceneResponse = await send(chunks(scene), timeout=timeout_s, metadata=self._metadata)
         except grpc.aio.AioRpcError as error:
             raise from_call(error) from None
+        return response
 
     async def finish(self, timeout_s: float) -> None:
         """Ends the session in order. Raises Failed if it was lost."""
@@ -102,21 +103,23 @@ class AsyncCamera:
         async with AsyncCamera(address, position=..., targets=..., occluders=..., at=...) as camera:
             reply = await camera.tick(time_s, places)
 
-    AsyncCamera.of(address, OpenSession(...)) takes all that the contract has. What Camera says about lost sessions holds here too.
+    AsyncCamera.of(address, OpenSession(...)) takes all that the contract has. What Camera says about lost sessions and scenes holds here too.
     """
 
     def __init__(self, addresses: Union[str, Sequence[str]], *, position: Place, targets: Mapping[int, Shape],
-                 occluders: Mapping[int, Shape], at: Mapping[int, Place], connection: Connection = Connection(), **more: Any) -> None:
-        self._prepare(addresses, opening(position=position, targets=targets, occluders=occluders, at=at, **more), connection)
+                 occluders: Mapping[int, Shape], at: Mapping[int, Place], scene: Optional[Scene] = None,
+                 connection: Connection = Connection(), **more: Any) -> None:
+        self._prepare(addresses, opening(position=position, targets=targets, occluders=occluders, at=at, **more), connection, scene)
 
     @classmethod
-    def of(cls, addresses: Union[str, Sequence[str]], request: OpenSession, connection: Connection = Connection()) -> AsyncCamera:
+    def of(cls, addresses: Union[str, Sequence[str]], request: OpenSession, connection: Connection = Connection(),
+           scene: Optional[OwnScene] = None) -> AsyncCamera:
         camera = cls.__new__(cls)
-        camera._prepare(addresses, request, connection)
+        camera._prepare(addresses, request, connection, scene)
         return camera
 
-    def _prepare(self, addresses: Union[str, Sequence[str]], request: OpenSession, connection: Connection) -> None:
-        self._session = Session(addresses, request, connection)
+    def _prepare(self, addresses: Union[str, Sequence[str]], request: OpenSession, connection: Connection, scene: Optional[Scene]) -> None:
+        self._session = Session(addresses, request, connection, own_scene(scene, request))
         self._stream: Optional[_Stream] = None
 
     async def open(self) -> AsyncCamera:
@@ -200,23 +203,34 @@ class AsyncCamera:
         return False
 
     async def _open_stream(self) -> None:
-        session, options = self._session, self._session.connection
+        session = self._session
+        try:
+            await self._open_session(session.first_uploads())
+        except Failed as error:
+            if not lacks_scene(error) or not session.uploads():
+                raise
+            await self._open_session(session.uploads())
+
+    async def _open_session(self, uploads: Sequence[bytes]) -> None:
+        session, timeout_s = self._session, self._session.connection.open_timeout_s
+        if uploads:
+            await self._upload(uploads, timeout_s)
         stream = _Stream(session.address, session.connection)
         try:
-            session.is_open(await self._first_answer(stream, session.first_message(), options.open_timeout_s))
-        except Failed as error:
+            session.is_open(await self._first_answer(stream, session.first_message(), timeout_s))
+        except Failed:
             await stream.cut_off()
-            if not lacks_scene(error) or not options.uploads:
-                raise
-            stream = _Stream(session.address, session.connection)
-            try:
-                for scene in options.uploads:
-                    await stream.upload(scene, options.open_timeout_s)
-                session.is_open(await self._first_answer(stream, session.first_message(), options.open_timeout_s))
-            except Failed:
-                await stream.cut_off()
-                raise
+            raise
         self._stream = stream
+
+    async def _upload(self, scenes: Sequence[bytes], timeout_s: float) -> None:
+        """In a stream that opens no session, since the daemon does not wait long for an opening."""
+        stream = _Stream(self._session.address, self._session.connection)
+        try:
+            for scene in scenes:
+                self._session.is_uploaded(scene, await stream.upload(scene, timeout_s))
+        finally:
+            await stream.cut_off()
 
     @staticmethod
     async def _first_answer(stream: _Stream, request: ControlRequest, timeout_s: float) -> SessionOpened:

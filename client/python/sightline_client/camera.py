@@ -8,11 +8,11 @@ from typing import Any, Iterator, Mapping, Optional, Sequence, Union
 
 import grpc
 
-from sightline.v1.camera_control_pb2 import ControlRequest, ControlResponse
+from sightline.v1.camera_control_pb2 import ControlRequest, ControlResponse, UploadSceneResponse
 from sightline.v1.scene_pb2 import Shape
 from sightline.v1.session_pb2 import CameraReply, OpenSession, SessionOpened, Tick
-from sightline_client.connection import (CHANNEL_OPTIONS, CONTROL, UPLOAD, Connection, Session, answers, chunks, ended, is_lost, lacks_scene,
-                                         pauses, silent)
+from sightline_client.connection import (CHANNEL_OPTIONS, CONTROL, UPLOAD, Connection, OwnScene, Scene, Session, answers, chunks, ended, is_lost,
+                                         lacks_scene, own_scene, pauses, silent)
 from sightline_client.errors import Failed, from_call
 from sightline_client.shapes import Place, opening, tick
 
@@ -66,13 +66,14 @@ class _Stream:
             raise message
         return message
 
-    def upload(self, scene: bytes, timeout_s: float) -> None:
+    def upload(self, scene: bytes, timeout_s: float) -> UploadSceneResponse:
         method, serialize, parse = UPLOAD
         send: Any = self._channel.stream_unary(method, request_serializer=serialize, response_deserializer=parse)
         try:
-            send(chunks(scene), timeout=timeout_s, metadata=self._metadata)
+            response: UploadSceneResponse = send(chunks(scene), timeout=timeout_s, metadata=self._metadata)
         except grpc.RpcError as error:
             raise from_call(error) from None
+        return response
 
     def finish(self, timeout_s: float) -> None:
         """Ends the session in order. Raises Failed if it was lost."""
@@ -99,20 +100,25 @@ class Camera:
     --resume-grace-s), and the replies are those of an unbroken stream. When the daemon does not keep it, goes away, or says Drain, the next
     tick opens the session again, in the daemon that answers then, and returns its reply: at the camera's last pose, with the scene, targets,
     settings, limits and lens as they were. Several addresses are tried in turn. Raises Failed if no daemon can be reached at first.
+
+    scene: a scene file of your own (.glb, or .gltf without other files) as bytes or by its path; each daemon that does not have it gets it,
+    and its hash goes into OpenSession.scene. Or a SceneRef, which names a scene that the daemon has.
     """
 
     def __init__(self, addresses: Union[str, Sequence[str]], *, position: Place, targets: Mapping[int, Shape],
-                 occluders: Mapping[int, Shape], at: Mapping[int, Place], connection: Connection = Connection(), **more: Any) -> None:
-        self._start(addresses, opening(position=position, targets=targets, occluders=occluders, at=at, **more), connection)
+                 occluders: Mapping[int, Shape], at: Mapping[int, Place], scene: Optional[Scene] = None,
+                 connection: Connection = Connection(), **more: Any) -> None:
+        self._start(addresses, opening(position=position, targets=targets, occluders=occluders, at=at, **more), connection, scene)
 
     @classmethod
-    def open(cls, addresses: Union[str, Sequence[str]], request: OpenSession, connection: Connection = Connection()) -> Camera:
+    def open(cls, addresses: Union[str, Sequence[str]], request: OpenSession, connection: Connection = Connection(),
+             scene: Optional[OwnScene] = None) -> Camera:
         camera = cls.__new__(cls)
-        camera._start(addresses, request, connection)
+        camera._start(addresses, request, connection, scene)
         return camera
 
-    def _start(self, addresses: Union[str, Sequence[str]], request: OpenSession, connection: Connection) -> None:
-        self._session = Session(addresses, request, connection)
+    def _start(self, addresses: Union[str, Sequence[str]], request: OpenSession, connection: Connection, scene: Optional[Scene]) -> None:
+        self._session = Session(addresses, request, connection, own_scene(scene, request))
         self._stream: Optional[_Stream] = None
         for attempt in range(len(self._session.addresses)):
             try:
@@ -194,23 +200,34 @@ class Camera:
         return False
 
     def _open_stream(self) -> None:
-        session, options = self._session, self._session.connection
+        session = self._session
+        try:
+            self._open_session(session.first_uploads())
+        except Failed as error:
+            if not lacks_scene(error) or not session.uploads():
+                raise
+            self._open_session(session.uploads())
+
+    def _open_session(self, uploads: Sequence[bytes]) -> None:
+        session, timeout_s = self._session, self._session.connection.open_timeout_s
+        if uploads:
+            self._upload(uploads, timeout_s)
         stream = _Stream(session.address, session.connection)
         try:
-            session.is_open(self._first_answer(stream, session.first_message(), options.open_timeout_s))
-        except Failed as error:
+            session.is_open(self._first_answer(stream, session.first_message(), timeout_s))
+        except Failed:
             stream.cut_off()
-            if not lacks_scene(error) or not options.uploads:
-                raise
-            stream = _Stream(session.address, session.connection)
-            try:
-                for scene in options.uploads:
-                    stream.upload(scene, options.open_timeout_s)
-                session.is_open(self._first_answer(stream, session.first_message(), options.open_timeout_s))
-            except Failed:
-                stream.cut_off()
-                raise
+            raise
         self._stream = stream
+
+    def _upload(self, scenes: Sequence[bytes], timeout_s: float) -> None:
+        """In a stream that opens no session, since the daemon does not wait long for an opening."""
+        stream = _Stream(self._session.address, self._session.connection)
+        try:
+            for scene in scenes:
+                self._session.is_uploaded(scene, stream.upload(scene, timeout_s))
+        finally:
+            stream.cut_off()
 
     @staticmethod
     def _first_answer(stream: _Stream, request: ControlRequest, timeout_s: float) -> SessionOpened:

@@ -1,6 +1,8 @@
 """What the two cameras share: options, the calls, and the rules by which a session goes on in another daemon."""
 from __future__ import annotations
 
+import os
+import pathlib
 import random
 from dataclasses import dataclass
 from typing import Callable, Iterator, List, Optional, Sequence, Tuple, Union
@@ -8,6 +10,7 @@ from typing import Callable, Iterator, List, Optional, Sequence, Tuple, Union
 import grpc
 
 from sightline.v1.camera_control_pb2 import ControlRequest, ControlResponse, UploadSceneRequest, UploadSceneResponse
+from sightline.v1.scene_pb2 import SceneRef
 from sightline.v1.session_pb2 import CameraReply, OpenSession, ResumeSession, SessionOpened, Tick
 from sightline_client.errors import Failed, Refused, unavailable
 from sightline_client.snapshot import Snapshot, was_applied
@@ -22,6 +25,9 @@ LONGEST_RESUME_S = 2.0  # a daemon resumes a session at once, or not at all
 # A channel of its own for each connection: gRPC would otherwise share one, and its own pauses between attempts with it. Replies with
 # depth maps exceed gRPC's default limit of 4 MiB.
 CHANNEL_OPTIONS: List[Tuple[str, int]] = [("grpc.use_local_subchannel_pool", 1), ("grpc.max_receive_message_length", 64 << 20)]
+
+OwnScene = Union[bytes, str, "os.PathLike[str]"]  # a scene file of the client's own, or its path
+Scene = Union[SceneRef, OwnScene]
 
 _LOST = (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.CANCELLED, grpc.StatusCode.UNKNOWN, grpc.StatusCode.INTERNAL,
          grpc.StatusCode.DEADLINE_EXCEEDED, grpc.StatusCode.ABORTED)
@@ -44,8 +50,8 @@ class Connection:
     """How a camera reaches its daemons and what it does when one is lost.
 
     give_up_after_s: how long a tick waits for a daemon that takes the session over; 0: a lost session is an error at once.
-    reply_timeout_s: a daemon that answers nothing for so long is taken for lost. open_timeout_s: the same for the opening, for which the
-    daemon loads the scene. uploads: the scene files that SceneRef.hash names; a daemon that does not have one gets it.
+    reply_timeout_s: a daemon that answers nothing for so long is taken for lost. open_timeout_s: the same for an upload, and for the opening, for which the
+    daemon loads the scene. uploads: files that the opening or a tick names by their hashes; a daemon that does not have one gets it.
     on_resync: called with the reason after the session was opened again, on the thread that waits for the tick.
     tls: encrypts TCP; None: it is not encrypted. token: shows the daemon who calls; needs tls or a unix socket.
     """
@@ -71,12 +77,16 @@ class Connection:
 
 
 def is_lost(error: Failed, opening: bool) -> bool:
-    """True if another attempt, or another daemon, may help."""
-    return error.code in _LOST or (opening and error.code == grpc.StatusCode.RESOURCE_EXHAUSTED)
+    """True if another attempt, or another daemon, may help. A scene file that is too large stays so."""
+    return error.code in _LOST or (opening and error.code == grpc.StatusCode.RESOURCE_EXHAUSTED and not _names(error, "chunk"))
 
 
 def lacks_scene(error: Failed) -> bool:
-    return error.code == grpc.StatusCode.NOT_FOUND and any("scene" in violation.field for violation in error.violations)
+    return error.code == grpc.StatusCode.NOT_FOUND and _names(error, "scene")
+
+
+def _names(error: Failed, part: str) -> bool:
+    return any(part in violation.field for violation in error.violations)
 
 
 def pauses() -> Iterator[float]:
@@ -89,6 +99,14 @@ def pauses() -> Iterator[float]:
         pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
 
 
+def own_scene(scene: Optional[Scene], request: OpenSession) -> Optional[bytes]:
+    """The client's own scene file. None: the scene is one that the daemon has, and the request now names it. Raises OSError."""
+    if isinstance(scene, SceneRef):
+        request.scene.CopyFrom(scene)
+        return None
+    return scene if scene is None or isinstance(scene, bytes) else pathlib.Path(scene).read_bytes()
+
+
 def chunks(scene: bytes) -> Iterator[UploadSceneRequest]:
     for at in range(0, len(scene), CHUNK_BYTES):
         yield UploadSceneRequest(chunk=scene[at:at + CHUNK_BYTES])
@@ -97,10 +115,11 @@ def chunks(scene: bytes) -> Iterator[UploadSceneRequest]:
 class Session:
     """The state of a camera's session over all of its streams: numbers, snapshot, addresses."""
 
-    def __init__(self, addresses: Union[str, Sequence[str]], opening: OpenSession, connection: Connection) -> None:
+    def __init__(self, addresses: Union[str, Sequence[str]], opening: OpenSession, connection: Connection, scene: Optional[bytes]) -> None:
         self.addresses = [addresses] if isinstance(addresses, str) else list(addresses)
         self.connection = connection
         self.snapshot = Snapshot(opening)
+        self._scene = scene
         self.opened = SessionOpened()
         self.resyncs = 0
         self.resumes = 0
@@ -116,6 +135,18 @@ class Session:
 
     def next_address(self) -> None:
         self._address = (self._address + 1) % len(self.addresses)
+
+    def first_uploads(self) -> Sequence[bytes]:
+        """What the daemon must get before the opening, since the hash that the opening needs is not known so far."""
+        return [] if self._scene is None or self.snapshot.scene.hash else [self._scene]
+
+    def uploads(self) -> Sequence[bytes]:
+        """What a daemon gets that does not have a scene."""
+        return [*([] if self._scene is None else [self._scene]), *self.connection.uploads]
+
+    def is_uploaded(self, scene: bytes, response: UploadSceneResponse) -> None:
+        if scene is self._scene:
+            self.snapshot.scene.hash = response.hash
 
     def first_message(self) -> ControlRequest:
         request = ControlRequest(open=self.snapshot.opening())

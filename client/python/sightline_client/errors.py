@@ -40,6 +40,13 @@ def unavailable(message: str) -> Failed:
     return Failed(grpc.StatusCode.UNAVAILABLE, message, [])
 
 
+def as_refusal(failed: Failed, sequence: int) -> TickError:
+    """Of a tick that ends each call in which it is sent. The kinds of errors have the names of gRPC's codes."""
+    kind = "CODE_" + failed.code.name
+    code = kind if kind in TickError.Code.keys() else "CODE_INVALID_ARGUMENT"
+    return TickError(sequence=sequence, code=code, message=str(failed), field_violations=failed.violations)
+
+
 def from_call(error: Any) -> Failed:
     """The error of a call that ended with a status: grpc.RpcError with the methods of grpc.Call, or grpc.aio.AioRpcError."""
     return Failed(error.code(), error.details() or "", _violations(error.trailing_metadata() or ()))

@@ -11,9 +11,9 @@ from sightline.v1.errors_pb2 import TickError
 from sightline.v1.scene_pb2 import Shape
 from sightline.v1.session_pb2 import CameraReply, OpenSession, SessionOpened, Tick
 from sightline_client.camera import Camera
-from sightline_client.connection import Connection, is_lost, pauses
+from sightline_client.connection import Connection, OwnScene, Scene, is_lost, own_scene, pauses
 from sightline_client.display import Display, Source
-from sightline_client.errors import Failed, Refused
+from sightline_client.errors import Failed, Refused, as_refusal
 from sightline_client.shapes import Place, Quaternion, Vector, opening, tick
 from sightline_client.waiting import MOST_WAITING, WaitingTicks
 
@@ -62,24 +62,27 @@ class LiveCamera:
         LiveCamera.open(address, OpenSession(...))                               with all that the contract has
 
     It opens at once; a thread of its own reaches the daemon, for ever if need be. Of Connection, give_up_after_s and reply_timeout_s do not
-    count. A daemon that can never accept the opening is an error: tick raises Failed. One that is away is not.
+    count. A daemon that can never accept the opening is an error: tick raises Failed. One that is away is not. scene: as Camera's.
     """
 
     def __init__(self, addresses: Union[str, Sequence[str]], *, position: Place, targets: Mapping[int, Shape], occluders: Mapping[int, Shape],
-                 at: Mapping[int, Place], connection: Connection = Connection(), patience: Patience = Patience(), **more: Any) -> None:
-        self._start(addresses, opening(position=position, targets=targets, occluders=occluders, at=at, **more), connection, patience)
+                 at: Mapping[int, Place], scene: Optional[Scene] = None, connection: Connection = Connection(), patience: Patience = Patience(),
+                 **more: Any) -> None:
+        self._start(addresses, opening(position=position, targets=targets, occluders=occluders, at=at, **more), connection, patience, scene)
 
     @classmethod
     def open(cls, addresses: Union[str, Sequence[str]], request: OpenSession, connection: Connection = Connection(),
-             patience: Patience = Patience()) -> LiveCamera:
+             patience: Patience = Patience(), scene: Optional[OwnScene] = None) -> LiveCamera:
         camera = cls.__new__(cls)
-        camera._start(addresses, request, connection, patience)
+        camera._start(addresses, request, connection, patience, scene)
         return camera
 
-    def _start(self, addresses: Union[str, Sequence[str]], request: OpenSession, connection: Connection, patience: Patience) -> None:
+    def _start(self, addresses: Union[str, Sequence[str]], request: OpenSession, connection: Connection, patience: Patience,
+               scene: Optional[Scene]) -> None:
         for address in [addresses] if isinstance(addresses, str) else addresses:
             connection.channel_credentials(address)  # raises ValueError
         self._addresses, self._request, self._patience = addresses, request, patience
+        self._scene = own_scene(scene, request)
         self._connection = replace(connection, give_up_after_s=0.0, reply_timeout_s=patience.reply_timeout_s)
         self._stopping = threading.Event()
         self._camera: Optional[Camera] = None  # of the worker
@@ -203,13 +206,13 @@ class LiveCamera:
 
     def _try_for_ever(self, message: Optional[Tick]) -> bool:
         """Opens the session if need be, and gets the answer to the tick. False: the camera was closed, or no daemon takes the opening."""
-        resumes = self.resumes
         for pause_s in pauses():
             if self._stopping.wait(min(pause_s, LONGEST_PAUSE_S)) and pause_s > 0:
                 return False
+            stream = self._stream_name()
             try:
                 if self._camera is None:
-                    self._camera = Camera.open(self._addresses, self._request, self._connection)
+                    self._camera = Camera.open(self._addresses, self._request, self._connection, self._scene)
                 if message is not None:
                     self._answer(message, self._camera.step(message), None)
                 return True
@@ -220,12 +223,16 @@ class LiveCamera:
             except Failed as failed:
                 if self._camera is None and not is_lost(failed, opening=True):
                     raise self._give_up(failed)
-                if message is not None and self.resumes > resumes and not is_lost(failed, opening=False):  # the tick itself ends the call
-                    self._answer(message, None, TickError(sequence=message.sequence, code=TickError.CODE_INVALID_ARGUMENT, message=str(failed)))
+                if message is not None and self._stream_name() != stream and not is_lost(failed, opening=False):
+                    self._answer(message, None, as_refusal(failed, message.sequence))  # it would end the call of the next stream too
                     return True
                 with self._changed:
                     self._trouble = failed
         return False
+
+    def _stream_name(self) -> Tuple[str, int]:
+        """Another one after each opening and each resumption. A session that cannot be resumed goes on under another id."""
+        return (self._camera.opened.session_id, self._camera.resumes) if self._camera is not None else ("", 0)
 
     def _give_up(self, failed: Failed) -> Failed:
         with self._changed:

@@ -6,7 +6,7 @@ from typing import Dict, List, Optional, Tuple
 
 from sightline.v1.camera_pb2 import Vec3
 from sightline.v1.errors_pb2 import TickError
-from sightline.v1.scene_pb2 import Attributes, NewInstance, SceneDelta, Transforms
+from sightline.v1.scene_pb2 import Attributes, NewInstance, SceneDelta, SceneRef, Transforms
 from sightline.v1.session_pb2 import CameraReply, ObservedCamera, OpenSession, StepControl, Tick
 from sightline.v1.shot_pb2 import ShotReport
 
@@ -36,6 +36,11 @@ class Snapshot:
         self._time_s = 0.0
         self._camera: Optional[ObservedCamera] = None
         self._kept: Optional[ShotReport] = None  # of the newest reply
+
+    @property
+    def scene(self) -> SceneRef:
+        """Of the opening; it can be changed."""
+        return self._opening.scene
 
     def apply(self, tick: Tick) -> None:
         """Takes a tick that the daemon has applied."""

@@ -4,7 +4,7 @@ use base64::{engine::general_purpose::STANDARD, Engine};
 use prost::Message;
 use serde_json::{json, Value};
 use sightline_client::v1::{CameraReply, OpenSession, Tick};
-use sightline_client::{Camera, Certificate, ClientTlsConfig, Code, Error, Identity, LiveCamera, LiveOptions, Options, PoseSampler};
+use sightline_client::{Camera, Certificate, ClientTlsConfig, Code, Error, Identity, LiveCamera, LiveOptions, Options, PoseSampler, Scene};
 
 fn decode<M: Message + Default>(text: &Value) -> M {
     M::decode(&*STANDARD.decode(text.as_str().expect("base64")).expect("base64")).expect("a message")
@@ -32,13 +32,18 @@ fn trust(command: &Value) -> (Option<ClientTlsConfig>, Option<String>) {
     (tls, trust["token"].as_str().map(str::to_owned))
 }
 
+fn scene_file(command: &Value) -> Option<Scene> {
+    command["scene_file"].as_str().map(Into::into)
+}
+
 async fn run(camera: &mut Option<Camera>, command: &Value) -> Result<Value, Error> {
     if !command["open"].is_null() {
         let uploads = command["uploads"].as_array().into_iter().flatten();
         let uploads = uploads.map(|path| std::fs::read(path.as_str().expect("a path")).expect("a file")).collect();
         let address = command["address"].as_str().expect("an address");
         let (tls, token) = trust(command);
-        let options = Options { uploads, tls, token, ..Options::default() };
+        let scene = scene_file(command).or_else(|| command["scene"].as_str().map(|path| std::fs::read(path).expect("a file").into()));
+        let options = Options { scene, uploads, tls, token, ..Options::default() };
         let opened = Camera::open([address], decode(&command["open"]), options).await?;
         return Ok(json!({"opened": encode(camera.insert(opened).opened())}));
     }
@@ -80,7 +85,8 @@ impl Live {
             return Some(json!({"sample": shown.map(values)}));
         }
         if let Some(opening) = command.get("live_open") {
-            let options = LiveOptions { wait: std::time::Duration::from_secs_f64(number(&command["wait_s"])), ..Default::default() };
+            let wait = std::time::Duration::from_secs_f64(number(&command["wait_s"]));
+            let options = LiveOptions { camera: Options { scene: scene_file(command), ..Default::default() }, wait, ..Default::default() };
             self.camera = Some(LiveCamera::open([command["address"].as_str().expect("an address")], decode::<OpenSession>(opening), options));
             return Some(json!({"live": {}}));
         }
@@ -103,11 +109,11 @@ impl Live {
         };
         let took_s = began.elapsed().as_secs_f64();
         let (sequence, hash) = view.reply.map_or((0, 0), |reply| (reply.sequence, reply.mirror_hash));
-        let refusals: Vec<_> = view.refusals.iter().map(|refusal| refusal.sequence).collect();
+        let (refusals, codes): (Vec<_>, Vec<_>) = view.refusals.iter().map(|refusal| (refusal.sequence, refusal.code)).unzip();
         json!({"view": {
             "position": view.shown.position, "rotation": view.shown.rotation, "field_of_view": view.shown.field_of_view, "cut": view.shown.cut,
             "age_s": view.age_s, "source": format!("{:?}", view.source).to_lowercase(), "sequence": view.sequence, "reply": sequence,
-            "hash": hash.to_string(), "refusals": refusals, "trouble": view.trouble.is_some(), "took_s": took_s}})
+            "hash": hash.to_string(), "refusals": refusals, "refusal_codes": codes, "trouble": view.trouble.is_some(), "took_s": took_s}})
     }
 }
 

@@ -1,11 +1,13 @@
 //! A camera that keeps its targets in view, tick by tick.
+use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use tonic::transport::ClientTlsConfig;
 
 use crate::errors::{Error, Failed};
 use crate::snapshot::{was_applied, Snapshot};
-use crate::stream::{connect, silent, upload, Stream};
+use crate::stream::{connect, silent, upload, wrong, Stream};
 use crate::v1::{control_request, control_response, CameraReply, OpenSession, ResumeSession, SessionOpened, Tick};
 
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
@@ -19,9 +21,11 @@ pub struct Options {
     pub give_up_after: Duration,
     /// A daemon that answers nothing for so long is taken for lost.
     pub reply_timeout: Duration,
-    /// The same for the opening, for which the daemon loads the scene.
+    /// The same for an upload, and for the opening, for which the daemon loads the scene.
     pub open_timeout: Duration,
-    /// The scene files that SceneRef.hash names; a daemon that does not have one gets it.
+    /// The client's own scene file: each daemon gets it, and its hash goes into OpenSession.scene.
+    pub scene: Option<Scene>,
+    /// Files that the opening or a tick names by their hashes; a daemon that does not have one gets it.
     pub uploads: Vec<Vec<u8>>,
     /// Encrypts TCP, and can show the daemon a certificate; none: TCP is not encrypted.
     pub tls: Option<ClientTlsConfig>,
@@ -32,7 +36,47 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         let seconds = Duration::from_secs;
-        Options { give_up_after: seconds(30), reply_timeout: seconds(5), open_timeout: seconds(30), uploads: Vec::new(), tls: None, token: None }
+        let (give_up_after, reply_timeout, open_timeout) = (seconds(30), seconds(5), seconds(30));
+        Options { give_up_after, reply_timeout, open_timeout, scene: None, uploads: Vec::new(), tls: None, token: None }
+    }
+}
+
+/// A scene file (.glb, or .gltf without other files): "level.glb".into(), or its bytes.
+#[derive(Debug, Clone)]
+pub enum Scene {
+    Bytes(Arc<[u8]>),
+    File(PathBuf),
+}
+
+impl From<&str> for Scene {
+    fn from(path: &str) -> Self {
+        Scene::File(path.into())
+    }
+}
+
+impl From<PathBuf> for Scene {
+    fn from(path: PathBuf) -> Self {
+        Scene::File(path)
+    }
+}
+
+impl From<Vec<u8>> for Scene {
+    fn from(bytes: Vec<u8>) -> Self {
+        Scene::Bytes(bytes.into())
+    }
+}
+
+impl Scene {
+    /// Reads the file, once.
+    pub(crate) fn bytes(&mut self) -> Result<Arc<[u8]>, Failed> {
+        if let Scene::File(path) = self {
+            let read = std::fs::read(&*path).map_err(|error| wrong(&format!("Options::scene: {}: {error}", path.display())))?;
+            *self = read.into();
+        }
+        match self {
+            Scene::Bytes(bytes) => Ok(bytes.clone()),
+            Scene::File(_) => unreachable!("it was read"),
+        }
     }
 }
 
@@ -44,6 +88,7 @@ pub struct Camera {
     addresses: Vec<String>,
     address: usize,
     options: Options,
+    uploads: Vec<Arc<[u8]>>, // the client's own scene comes first
     snapshot: Snapshot,
     stream: Option<Stream>,
     opened: SessionOpened,
@@ -57,11 +102,14 @@ pub struct Camera {
 
 impl Camera {
     /// Opens a session with the first of the addresses ("host:port" or "unix:/path") that answers.
-    pub async fn open<A: Into<String>>(addresses: impl IntoIterator<Item = A>, opening: OpenSession, options: Options) -> Result<Camera, Error> {
+    pub async fn open<A: Into<String>>(addresses: impl IntoIterator<Item = A>, opening: OpenSession, mut options: Options) -> Result<Camera, Error> {
+        let scene = options.scene.as_mut().map(Scene::bytes).transpose().map_err(Error::Failed)?;
+        let uploads = scene.into_iter().chain(std::mem::take(&mut options.uploads).into_iter().map(Into::into)).collect();
         let mut camera = Camera {
             addresses: addresses.into_iter().map(Into::into).collect(),
             address: 0,
             options,
+            uploads,
             snapshot: Snapshot::new(opening),
             stream: None,
             opened: SessionOpened::default(),
@@ -213,16 +261,22 @@ impl Camera {
     }
 
     async fn open_stream(&mut self) -> Result<(), Failed> {
-        match self.open_session(false).await {
-            Err(failed) if failed.lacks_scene() && !self.options.uploads.is_empty() => self.open_session(true).await,
+        // The opening needs the hash of the client's own scene, which comes with the first upload.
+        let first = usize::from(self.options.scene.is_some() && !self.snapshot.names_scene_by_hash());
+        match self.open_session(first).await {
+            Err(failed) if failed.lacks_scene() && !self.uploads.is_empty() => self.open_session(self.uploads.len()).await,
             opened => opened,
         }
     }
 
-    async fn open_session(&mut self, uploads: bool) -> Result<(), Failed> {
+    async fn open_session(&mut self, uploads: usize) -> Result<(), Failed> {
         let mut client = connect(&self.addresses[self.address], &self.options).await?;
-        for scene in self.options.uploads.iter().filter(|_| uploads) {
-            upload(&mut client, scene).await?;
+        for (i, scene) in self.uploads[..uploads].iter().enumerate() {
+            let timeout = self.options.open_timeout;
+            let hash = tokio::time::timeout(timeout, upload(&mut client, scene)).await.unwrap_or_else(|_| Err(silent(timeout)))?;
+            if i == 0 && self.options.scene.is_some() {
+                self.snapshot.use_scene(hash);
+            }
         }
         let opening = OpenSession { resumable: true, ..self.snapshot.opening() };
         let mut stream = Stream::start(client, control_request::Message::Open(opening));

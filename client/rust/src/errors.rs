@@ -2,7 +2,7 @@ use prost::Message;
 use tonic::{Code, Status};
 
 use crate::generated::google::rpc;
-use crate::v1::{FieldViolation, TickError};
+use crate::v1::{tick_error, FieldViolation, TickError};
 
 /// The error of an opening or of a tick.
 #[derive(Debug, Clone)]
@@ -57,14 +57,31 @@ impl From<Status> for Failed {
 }
 
 impl Failed {
-    /// True if another attempt, or another daemon, may help.
+    /// True if another attempt, or another daemon, may help. A scene file that is too large stays so.
     pub(crate) fn is_lost(&self, opening: bool) -> bool {
         use Code::*;
         matches!(self.code, Unavailable | Cancelled | Unknown | Internal | DeadlineExceeded | Aborted)
-            || (opening && self.code == ResourceExhausted)
+            || (opening && self.code == ResourceExhausted && !self.names("chunk"))
+    }
+
+    /// Of a tick that ends each call in which it is sent.
+    pub(crate) fn into_refusal(self, sequence: u64) -> TickError {
+        let code = match self.code {
+            Code::NotFound => tick_error::Code::NotFound,
+            Code::AlreadyExists => tick_error::Code::AlreadyExists,
+            Code::FailedPrecondition => tick_error::Code::FailedPrecondition,
+            Code::ResourceExhausted => tick_error::Code::ResourceExhausted,
+            _ => tick_error::Code::InvalidArgument,
+        };
+        TickError { sequence, code: code as i32, message: self.message, field_violations: self.violations, resync: None }
     }
 
     pub(crate) fn lacks_scene(&self) -> bool {
-        self.code == Code::NotFound && self.violations.iter().any(|violation| violation.field.contains("scene"))
+        self.code == Code::NotFound && self.names("scene")
+    }
+
+    /// A part of a field that is wrong has this name.
+    fn names(&self, part: &str) -> bool {
+        self.violations.iter().any(|violation| violation.field.contains(part))
     }
 }

@@ -15,7 +15,7 @@ mod snapshot;
 mod stream;
 mod waiting;
 
-pub use camera::{Camera, Options};
+pub use camera::{Camera, Options, Scene};
 pub use display::Source;
 pub use errors::{Error, Failed};
 pub use following::Drawn;

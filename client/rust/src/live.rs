@@ -10,7 +10,7 @@ use crate::display::{Display, Source};
 use crate::errors::{Error, Failed};
 use crate::following::Drawn;
 use crate::sampler::Sample;
-use crate::v1::{tick_error, CameraReply, OpenSession, SessionOpened, Tick, TickError};
+use crate::v1::{CameraReply, OpenSession, SessionOpened, Tick, TickError};
 use crate::waiting::{WaitingTicks, MOST_WAITING};
 
 // Between attempts, so that a daemon that is back is found soon.
@@ -294,23 +294,21 @@ impl Worker {
     /// Opens the session if need be, and gets the answer to the tick. False: the camera was closed, or no daemon takes the opening.
     async fn try_for_ever(&mut self, tick: Option<Tick>) -> bool {
         let mut pause = Duration::ZERO;
-        let resumes = self.camera.as_ref().map_or(0, Camera::resumes);
         loop {
             if pause > Duration::ZERO && !self.pause(pause.min(LONGEST_PAUSE)).await {
                 return false;
             }
             pause = longer(pause);
+            let stream = self.stream_name();
             let failed = match self.try_once(tick.clone()).await {
                 Ok(reply) => return self.answer(tick, reply, None),
                 Err(Error::Refused(refusal)) => return self.answer(tick, None, Some(refusal)),
                 Err(Error::Failed(failed)) => failed,
                 Err(Error::QueueFull) => unreachable!("a camera has no queue"),
             };
-            let resumed = self.camera.as_ref().map_or(0, Camera::resumes) > resumes;
-            if let Some(sequence) = tick.as_ref().map(|tick| tick.sequence).filter(|_| resumed && !failed.is_lost(false)) {
-                // The tick itself ends the call.
-                let code = tick_error::Code::InvalidArgument as i32;
-                return self.answer(tick, None, Some(TickError { sequence, code, message: failed.message, ..Default::default() }));
+            let is_new = self.stream_name() != stream;
+            if let Some(sequence) = tick.as_ref().map(|tick| tick.sequence).filter(|_| is_new && !failed.is_lost(false)) {
+                return self.answer(tick, None, Some(failed.into_refusal(sequence))); // it would end the call of the next stream too
             }
             let mut state = self.shared.lock();
             if self.camera.is_none() && !failed.is_lost(true) {
@@ -320,6 +318,11 @@ impl Worker {
             }
             state.trouble = Some(failed);
         }
+    }
+
+    /// Another one after each opening and each resumption. A session that cannot be resumed goes on under another id.
+    fn stream_name(&self) -> Option<(String, usize)> {
+        self.camera.as_ref().map(|camera| (camera.opened().session_id.clone(), camera.resumes()))
     }
 
     /// False: the camera was closed.
@@ -335,6 +338,9 @@ impl Worker {
 
     async fn try_once(&mut self, tick: Option<Tick>) -> Result<Option<CameraReply>, Error> {
         if self.camera.is_none() {
+            if let Some(scene) = &mut self.options.scene {
+                scene.bytes().map_err(Error::Failed)?; // only once, however often the opening is tried
+            }
             self.camera = Some(Camera::open(self.addresses.clone(), self.opening.clone(), self.options.clone()).await?);
         }
         let (Some(camera), Some(tick)) = (&mut self.camera, tick) else { return Ok(None) };

@@ -4,8 +4,8 @@ use std::collections::HashMap;
 use prost::Message;
 
 use crate::v1::{
-    settings::Preset, shot::{Far, Place}, tick_error, AttributeChange, Attributes, CameraReply, NewInstance, ObservedCamera, OpenSession, SceneDelta, Shot,
-    Pose3, ShotReport, StepControl, Tick, TickError, Transforms, Vec3,
+    scene_ref::Source, settings::Preset, shot::{Far, Place}, tick_error, AttributeChange, Attributes, CameraReply, NewInstance, ObservedCamera, OpenSession,
+    Pose3, SceneDelta, SceneRef, Shot, ShotReport, StepControl, Tick, TickError, Transforms, Vec3,
 };
 
 fn shifted(place: Option<Vec3>, shift: &Vec3, sign: f64) -> Vec3 {
@@ -40,6 +40,15 @@ pub(crate) struct Snapshot {
 impl Snapshot {
     pub fn new(first: OpenSession) -> Self {
         Snapshot { first, changes: HashMap::new(), order: Vec::new(), terms: Tick::default(), time_s: 0.0, camera: None, kept: None }
+    }
+
+    pub fn names_scene_by_hash(&self) -> bool {
+        matches!(self.first.scene, Some(SceneRef { source: Some(Source::Hash(_)), .. }))
+    }
+
+    /// The opening names this scene.
+    pub fn use_scene(&mut self, hash: String) {
+        self.first.scene.get_or_insert_default().source = Some(Source::Hash(hash));
     }
 
     /// Takes a tick that the daemon has applied.

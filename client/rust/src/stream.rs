@@ -59,14 +59,14 @@ pub(crate) async fn connect(address: &str, options: &Options) -> Result<Client, 
     Ok(Client::new(InterceptedService::new(channel, bearer)).max_decoding_message_size(MAX_REPLY_BYTES))
 }
 
-fn wrong(message: &str) -> Failed {
+pub(crate) fn wrong(message: &str) -> Failed {
     Failed { code: Code::InvalidArgument, ..unavailable(message) }
 }
 
-pub(crate) async fn upload(client: &mut Client, scene: &[u8]) -> Result<(), Failed> {
+/// Returns the hash of the scene.
+pub(crate) async fn upload(client: &mut Client, scene: &[u8]) -> Result<String, Failed> {
     let chunks: Vec<_> = scene.chunks(CHUNK_BYTES).map(|chunk| UploadSceneRequest { chunk: chunk.to_vec() }).collect();
-    client.upload_scene(tokio_stream::iter(chunks)).await?;
-    Ok(())
+    Ok(client.upload_scene(tokio_stream::iter(chunks)).await?.into_inner().hash)
 }
 
 // What both the camera and the reader use.

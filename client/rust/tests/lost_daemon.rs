@@ -4,7 +4,7 @@ mod daemon;
 use std::time::Duration;
 
 use sightline_client::v1::{OpenSession, Pose3, Target, Tick};
-use sightline_client::{capsule, instance, transforms, vector, Camera, Code, Error, Options};
+use sightline_client::{capsule, instance, transforms, vector, Camera, Code, Error, LiveCamera, LiveOptions, Options};
 
 use daemon::Daemon;
 
@@ -67,4 +67,14 @@ async fn errors_name_the_field() {
     assert_eq!((failed.code, failed.violations[0].field.as_str()), (Code::NotFound, "open.targets[0].id"));
     let Err(Error::Failed(failed)) = Camera::open(["127.0.0.1:1"], opening(), Options::default()).await else { panic!("opened") };
     assert_eq!(failed.code, Code::Unavailable);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_scene_file_that_is_missing_is_an_error() {
+    let options = Options { scene: Some("no/such.glb".into()), ..Default::default() };
+    let Err(Error::Failed(failed)) = Camera::open(["127.0.0.1:1"], opening(), options.clone()).await else { panic!("opened") };
+    assert_eq!(failed.code, Code::InvalidArgument);
+    let live = LiveOptions { camera: options, wait: Duration::from_secs(5), ..Default::default() };
+    let Err(Error::Failed(failed)) = LiveCamera::open(["127.0.0.1:1"], opening(), live).tick(tick(0, 1)).await else { panic!("opened") };
+    assert!(failed.message.contains("no/such.glb"), "{}", failed.message);
 }

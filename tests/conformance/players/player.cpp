@@ -70,6 +70,8 @@ Json open(std::optional<Camera>& camera, const Json& command) {
   CameraOptions options;
   if (command.contains("trust")) options.credentials = credentials_of(command.at("trust"));
   for (const std::string path : command.at("uploads")) options.uploads.push_back(read_file(path));
+  options.scene_file = command.value("scene_file", "");
+  if (command.contains("scene")) options.scene = read_file(command.at("scene"));
   auto opened = Camera::open({command.at("address")}, from_json<v1::OpenSession>(command.at("open")),
                              std::move(options));
   if (!opened) return failed(opened.error());
@@ -110,6 +112,7 @@ Json sample(Live& live, const Json& at) {
 Json open_live(Live& live, const Json& command) {
   LiveOptions options;
   options.wait = std::chrono::milliseconds(std::lround(1e3 * command.at("wait_s").get<double>()));
+  options.camera.scene_file = command.value("scene_file", "");
   live.camera.reset();
   live.camera.emplace(
       LiveCamera::open({command.at("address")}, from_json<v1::OpenSession>(command.at("live_open")), options));
@@ -128,8 +131,11 @@ Json tick_live(Live& live, const Json& command) {
   const double took_s = seconds_since(began);
   if (!view) return {{"error", view.error().field == "tick" ? "QUEUE_FULL" : code_name(view.error().code)}};
   const v1::CameraReply reply = view->reply.value_or(v1::CameraReply());
-  Json refusals = Json::array();
-  for (const v1::TickError& refusal : view->refusals) refusals.push_back(refusal.sequence());
+  Json refusals = Json::array(), refusal_codes = Json::array();
+  for (const v1::TickError& refusal : view->refusals) {
+    refusals.push_back(refusal.sequence());
+    refusal_codes.push_back(static_cast<int>(refusal.code()));
+  }
   return {{"view",
            {{"position", view->shown.position},
             {"rotation", view->shown.rotation},
@@ -141,6 +147,7 @@ Json tick_live(Live& live, const Json& command) {
             {"reply", reply.sequence()},
             {"hash", std::to_string(reply.mirror_hash())},
             {"refusals", refusals},
+            {"refusal_codes", refusal_codes},
             {"trouble", view->trouble.has_value()},
             {"took_s", took_s}}}};
 }

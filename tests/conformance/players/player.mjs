@@ -18,10 +18,11 @@ async function trustOf({token, ...files}) {
   return {token, tls: Object.keys(pem).length ? pem : undefined};
 }
 
-async function run({open, tick, address, uploads, trust = {}}) {
+async function run({open, tick, address, uploads, scene, scene_file, trust = {}}) {
   if (open) {
     const files = await Promise.all(uploads.map((path) => readFile(path)));
-    camera = await sightline.Camera.open(address, fromJson(sightline.OpenSessionSchema, open), {uploads: files, ...await trustOf(trust)});
+    const options = {uploads: files, scene: scene_file ?? (scene && await readFile(scene)), ...await trustOf(trust)};
+    camera = await sightline.Camera.open(address, fromJson(sightline.OpenSessionSchema, open), options);
     return {opened: toJson(sightline.SessionOpenedSchema, camera.opened)};
   }
   if (tick) return {camera: toJson(sightline.CameraReplySchema, await camera.tick(fromJson(sightline.TickSchema, tick)))};
@@ -38,8 +39,8 @@ const others = {
     const shown = sampler.sample(time_s, target.length ? target : undefined);
     return {sample: shown ? [...shown.position, ...shown.rotation, shown.fieldOfView, Number(shown.cut)] : null};
   },
-  live_open(opening, {address, wait_s}) {
-    live = new sightline.LiveCamera(address, fromJson(sightline.OpenSessionSchema, opening), {waitS: wait_s});
+  live_open(opening, {address, wait_s, scene_file}) {
+    live = new sightline.LiveCamera(address, fromJson(sightline.OpenSessionSchema, opening), {waitS: wait_s, scene: scene_file});
     return {live: {}};
   },
   async live_tick(message) {
@@ -62,7 +63,8 @@ const others = {
 function viewOf({position, rotation, fieldOfView, cut, ageS, source, sequence, reply, refusals, trouble}, tookMs) {
   return {
     position, rotation, field_of_view: fieldOfView, cut, age_s: ageS, source, sequence: Number(sequence), reply: Number(reply?.sequence ?? 0),
-    hash: String(reply?.mirrorHash ?? 0), refusals: refusals.map((refusal) => Number(refusal.sequence)), trouble: trouble !== undefined, took_s: tookMs / 1000,
+    hash: String(reply?.mirrorHash ?? 0), refusals: refusals.map((refusal) => Number(refusal.sequence)), refusal_codes: refusals.map((refusal) => refusal.code),
+    trouble: trouble !== undefined, took_s: tookMs / 1000,
   };
 }
 

@@ -52,7 +52,7 @@ class Live:
 
     def live_open(self, command):
         self.camera = LiveCamera.open(command["address"], json_format.ParseDict(command["live_open"], OpenSession()),
-                                      patience=Patience(wait_s=command["wait_s"]))
+                                      patience=Patience(wait_s=command["wait_s"]), scene=command.get("scene_file"))
         return {"live": {}}
 
     def live_tick(self, command):
@@ -68,7 +68,7 @@ class Live:
             "position": view.position, "rotation": view.rotation, "field_of_view": view.field_of_view, "cut": view.cut, "age_s": view.age_s,
             "source": view.source.value, "sequence": view.sequence, "reply": reply.sequence if reply else 0,
             "hash": str(reply.mirror_hash) if reply else "0", "refusals": [refusal.sequence for refusal in view.refusals],
-            "trouble": view.trouble is not None, "took_s": took_s}}
+            "refusal_codes": [refusal.code for refusal in view.refusals], "trouble": view.trouble is not None, "took_s": took_s}}
 
     def live_close(self, _):
         began = time.monotonic()
@@ -106,7 +106,11 @@ class Player:
     async def open(self, command):
         request = json_format.ParseDict(command["open"], OpenSession())
         options = Connection(uploads=[pathlib.Path(path).read_bytes() for path in command["uploads"]], **trust(command.get("trust", {})))
-        camera = await AsyncCamera.of(command["address"], request, options).open() if self.is_async else Camera.open(command["address"], request, options)
+        scene = command.get("scene_file") or ("scene" in command and pathlib.Path(command["scene"]).read_bytes()) or None
+        if self.is_async:
+            camera = await AsyncCamera.of(command["address"], request, options, scene).open()
+        else:
+            camera = Camera.open(command["address"], request, options, scene)
         self.camera = camera
         return camera.opened
 
