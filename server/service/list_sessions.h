@@ -15,9 +15,9 @@ inline constexpr uint32_t kMaxListedSessions = 1000;  // per page, about 250 byt
 
 void camera_figures_to_proto(const CameraSums& sums, v1::CameraFigures& out);
 // `now_ns` is by the clock of the steps. A page's token is the number of its last session, so a page is right even if
-// sessions open and end between two calls. `id_prefix` (ServiceParts) is a part of it, so that the tokens of another
-// daemon, or of the same one before it started again, are not taken for tokens of this one. INVALID_ARGUMENT names
-// `page_size` when it is over kMaxListedSessions, and `page_token` when the token is not one of this daemon.
+// sessions open and end between two calls. It begins with `id_prefix` (ServiceParts). So a token of another daemon, or
+// of this one before it started again, is not taken for one of this daemon. INVALID_ARGUMENT names `page_size` when it
+// is over kMaxListedSessions, and `page_token` when the token is not one of this daemon.
 grpc::Status list_sessions(const SessionTable& table, const std::string& id_prefix, int64_t now_ns,
                            const v1::ListSessionsRequest& request, v1::ListSessionsResponse& response);
 

@@ -64,14 +64,14 @@ std::unique_ptr<SessionTable::Place> SessionTable::open(std::string id, std::str
                  .opened_ns = now_ns,
                  .moved_ns = now_ns});
   auto place = std::make_unique<Place>(*this, one.begin());
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   one.front().number = ++opened_;
   rows_.splice(rows_.end(), one);
   return place;
 }
 
 void SessionTable::add(SessionRow& row, const SessionAnswer& answer, const CameraSums& of_step, int64_t now_ns) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   ++row.steps;
   row.quality_level = answer.quality_level;
   row.status = answer.step.status;
@@ -82,12 +82,12 @@ void SessionTable::add(SessionRow& row, const SessionAnswer& answer, const Camer
 }
 
 void SessionTable::erase(Rows::iterator row) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   rows_.erase(row);
 }
 
 std::vector<SessionRow> SessionTable::rows(uint64_t after, size_t at_most) const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const auto first = std::ranges::find_if(rows_, [&](const SessionRow& row) { return row.number > after; });
   std::vector<SessionRow> rows;
   for (auto row = first; row != rows_.end() && rows.size() < at_most; ++row) rows.push_back(*row);
@@ -95,12 +95,12 @@ std::vector<SessionRow> SessionTable::rows(uint64_t after, size_t at_most) const
 }
 
 CameraSums SessionTable::sums() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return sums_;
 }
 
 SessionTable::Now SessionTable::now(int64_t now_ns) const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   Now now;
   for (const SessionRow& row : rows_) {
     if (row.steps == 0) continue;

@@ -10,10 +10,10 @@
 #include <cstdint>
 #include <list>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <vector>
 
+#include "server/base/mutex.h"
 #include "server/session/session.h"
 
 namespace sightline {
@@ -81,7 +81,7 @@ class SessionTable {
     std::array<uint64_t, kTrackingStatuses> by_status{};
     uint64_t blind = 0;  // those that have been blind for kLongBlindS or longer
     // The longest time for which one of them has been blind. A session whose game has stood still for kStandsStillS has
-    // no part in it: nothing hides its targets for longer now, and nobody may be watching.
+    // no part in it: its blind time does not grow, and would hide the others' times.
     double longest_blind_s = 0.0;
   };
   Now now(int64_t now_ns) const;
@@ -93,11 +93,10 @@ class SessionTable {
   void add(SessionRow& row, const SessionAnswer& answer, const CameraSums& of_step, int64_t now_ns);
   void erase(Rows::iterator row);
 
-  mutable std::mutex mutex_;
-  // Guarded by mutex_.
-  Rows rows_;
-  uint64_t opened_ = 0;
-  CameraSums sums_;
+  mutable Mutex mutex_;
+  Rows rows_ GUARDED(mutex_);
+  uint64_t opened_ GUARDED(mutex_) = 0;
+  CameraSums sums_ GUARDED(mutex_);
 };
 
 }  // namespace sightline
