@@ -128,12 +128,19 @@ Result<v1::GetServerStatsResponse> Client::server_stats(std::chrono::nanoseconds
   return stats;
 }
 
-Result<v1::ListSessionsResponse> Client::list_sessions(std::chrono::nanoseconds timeout) {
-  grpc::ClientContext context;
-  prepare(context, deadline_after(timeout), connection_->token);
-  v1::ListSessionsResponse sessions;
-  const grpc::Status status = connection_->stub->ListSessions(&context, {}, &sessions);
-  if (!status.ok()) return tl::unexpected(error_from_status(status));
+Result<std::vector<v1::SessionFigures>> Client::list_sessions(std::chrono::nanoseconds timeout) {
+  const auto deadline = deadline_after(timeout);
+  std::vector<v1::SessionFigures> sessions;
+  v1::ListSessionsRequest page;
+  do {
+    grpc::ClientContext context;
+    prepare(context, deadline, connection_->token);
+    v1::ListSessionsResponse response;
+    const grpc::Status status = connection_->stub->ListSessions(&context, page, &response);
+    if (!status.ok()) return tl::unexpected(error_from_status(status));
+    sessions.insert(sessions.end(), response.sessions().begin(), response.sessions().end());
+    page.set_page_token(response.next_page_token());
+  } while (!page.page_token().empty());
   return sessions;
 }
 

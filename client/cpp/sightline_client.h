@@ -131,8 +131,8 @@ class Client {
   // The server's build and configuration, and its counters since its start.
   Result<v1::GetServerInfoResponse> server_info(std::chrono::nanoseconds timeout);
   Result<v1::GetServerStatsResponse> server_stats(std::chrono::nanoseconds timeout);
-  // The sessions that are open on the server, with what their cameras show.
-  Result<v1::ListSessionsResponse> list_sessions(std::chrono::nanoseconds timeout);
+  // The sessions that are open on the server, with what their cameras show; fetches as many pages as there are.
+  Result<std::vector<v1::SessionFigures>> list_sessions(std::chrono::nanoseconds timeout);
 
   // Opens one session and waits for the server's answer. With a `handler`, events go to it instead of to receive().
   Result<std::unique_ptr<ClientSession>> open_session(const v1::OpenSession& request, std::chrono::nanoseconds timeout,

@@ -8,6 +8,7 @@
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <thread>
 
 #include "client/base/text_table.h"
@@ -50,6 +51,12 @@ std::string json_of(const google::protobuf::Message& message) {
   return text;
 }
 
+void print_json(std::ostream& out, std::span<const v1::SessionFigures> sessions) {
+  out << "{\"sessions\":[";
+  for (size_t i = 0; i < sessions.size(); ++i) out << (i > 0 ? "," : "") << json_of(sessions[i]);
+  out << "]}\n";
+}
+
 int cannot_ask(const std::string& address, const Error& error, std::ostream& err) {
   err << address << ": " << to_string(error) << '\n';
   return 1;
@@ -86,7 +93,7 @@ int run_sessions_command(const StatusOptions& options, std::ostream& out, std::o
   const auto sessions = client->list_sessions(kPatience);
   if (!sessions) return cannot_ask(options.address, sessions.error(), err);
   if (options.json)
-    out << json_of(*sessions) << '\n';
+    print_json(out, *sessions);
   else
     print_sessions(out, *sessions);
   return 0;
@@ -123,7 +130,7 @@ Verb add_sessions_verb(CLI::App& app) {
       "sessions", "List the open sessions of a running daemon, with what their cameras show; the worst come first");
   add_server_flag(*command, options->address);
   add_connection_flags(*command, options->connection);
-  command->add_flag("--json", options->json, "One JSON object, as ListSessions answers");
+  command->add_flag("--json", options->json, "One JSON object: `sessions`, all of them, as ListSessions lists them");
   return {command, [options] { return run_sessions_command(*options, std::cout, std::cerr); }};
 }
 

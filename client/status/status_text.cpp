@@ -30,6 +30,13 @@ std::string kept_text(const v1::GetServerStatsResponse& stats) {
          grouped(stats.refused_resumes()) + " refused";
 }
 
+std::string blind_text(const v1::GetServerStatsResponse& stats) {
+  std::string text = grouped(stats.blind_sessions()) + (stats.blind_sessions() == 1 ? " session" : " sessions") +
+                     ", for 2 s or longer";
+  if (stats.longest_blind_s() > 0) text += formatted("; the longest that plays, for %.1f s", stats.longest_blind_s());
+  return text;
+}
+
 std::string access_text(const v1::AccessStats& access) {
   return grouped(access.refused_calls()) + " calls and " + grouped(access.failed_handshakes()) +
          " handshakes refused; changed files: " + grouped(access.files_taken_over()) + " taken over, " +
@@ -111,8 +118,7 @@ void print_state(std::ostream& out, const std::string& address, const v1::GetSer
       << "sessions      " << grouped(stats.open_sessions()) << " open of " << grouped(info.max_sessions()) << ", "
       << grouped(stats.opened_sessions()) << " opened since the start\n"
       << "streams lost  " << kept_text(stats) << '\n'
-      << "blind now     " << grouped(stats.blind_sessions()) << (stats.blind_sessions() == 1 ? " session" : " sessions")
-      << ", for 2 s or longer\n"
+      << "blind now     " << blind_text(stats) << '\n'
       << "quality       sessions by level: " << levels_text(stats) << '\n'
       << "connections   " << grouped(stats.open_connections()) << '\n'
       << "memory        " << bytes_text(stats.resident_bytes()) << ", of it geometry "
@@ -122,14 +128,13 @@ void print_state(std::ostream& out, const std::string& address, const v1::GetSer
       << "recording     " << recording_text(stats) << '\n';
 }
 
-void print_sessions(std::ostream& out, const v1::ListSessionsResponse& sessions) {
-  if (sessions.sessions().empty()) {
+void print_sessions(std::ostream& out, std::span<const v1::SessionFigures> sessions) {
+  if (sessions.empty()) {
     out << "no session is open\n";
     return;
   }
   std::vector<SessionLine> lines;
-  for (const v1::SessionFigures& session : sessions.sessions())
-    lines.push_back({&session, camera_shares({}, session.camera())});
+  for (const v1::SessionFigures& session : sessions) lines.push_back({&session, camera_shares({}, session.camera())});
   std::stable_sort(lines.begin(), lines.end(), is_worse);
   Table table({{"session"},
                {"client"},

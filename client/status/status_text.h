@@ -3,6 +3,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 #include <ostream>
+#include <span>
 #include <string>
 
 #include "client/status/window.h"
@@ -19,7 +20,7 @@ void print_state(std::ostream& out, const std::string& address, const v1::GetSer
 
 // Prints one line for each session: what its camera shows, and has shown since it was opened. Those that see nothing
 // come first, the longest of them at the top, then those that show the least of their targets.
-void print_sessions(std::ostream& out, const v1::ListSessionsResponse& sessions);
+void print_sessions(std::ostream& out, std::span<const v1::SessionFigures> sessions);
 
 // Prints rates and a table of durations within `window`.
 void print_window(std::ostream& out, const Window& window);

@@ -57,7 +57,7 @@ class HiddenAhead {
   SharePart nearest_known(size_t slice, uint32_t address) const;
 
  private:
-  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
+  friend struct StateFields;  // lists its fields, to write and read them as bytes (server/session/state_fields.h)
   struct Slice {
     uint64_t renewed = 0;  // number of the step that renewed it; 0: never
     std::vector<SharePart> shares;

@@ -63,7 +63,7 @@ class VisibilityHistory {
   size_t target_count() const { return targets_; }
 
  private:
-  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
+  friend struct StateFields;  // lists its fields, to write and read them as bytes (server/session/state_fields.h)
   struct Slot {
     uint64_t owner = 0;
     uint64_t step = 0;  // the records are shifted up to this step

@@ -49,7 +49,7 @@ class Lattice {
   std::optional<uint32_t> address_near(const glm::dvec3& place_m) const;
 
  private:
-  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
+  friend struct StateFields;  // lists its fields, to write and read them as bytes (server/session/state_fields.h)
   struct Cell {
     glm::ivec3 index{INT32_MIN};  // which lattice point owns this address
     uint64_t owner = 0;

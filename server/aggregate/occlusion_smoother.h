@@ -20,7 +20,7 @@ class OcclusionSmoother {
   void update(const Lattice& lattice, double dt_s, double memory_s, std::span<double> hidden);
 
  private:
-  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
+  friend struct StateFields;  // lists its fields, to write and read them as bytes (server/session/state_fields.h)
   struct Past {
     uint64_t owner = 0;          // Lattice::owner of the address
     uint64_t step = UINT64_MAX;  // of the last update; UINT64_MAX: never

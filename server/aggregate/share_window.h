@@ -49,7 +49,7 @@ class ShareWindow {
   void forget() { tracks_.clear(); }
 
  private:
-  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
+  friend struct StateFields;  // lists its fields, to write and read them as bytes (server/session/state_fields.h)
   struct Step {
     double time_s = 0.0;
     uint32_t seen = 0, points = 0;

@@ -54,7 +54,7 @@ class TemporalVolume {
   VisibilityHistory& history() { return history_; }
 
  private:
-  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
+  friend struct StateFields;  // lists its fields, to write and read them as bytes (server/session/state_fields.h)
   void follow(std::span<const uint64_t> target_ids);
   void push(uint32_t slot, uint64_t owner, uint32_t visible_targets);
   uint32_t switched_on(uint32_t slot);

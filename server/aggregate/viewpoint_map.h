@@ -54,7 +54,7 @@ class ViewpointMap {
   size_t target_count() const { return ids_.size(); }
 
  private:
-  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
+  friend struct StateFields;  // lists its fields, to write and read them as bytes (server/session/state_fields.h)
   std::array<glm::dvec3, kAzimuths * kElevations> directions_;  // azimuth by azimuth
   double distance_m_ = 1.0;
   std::vector<uint64_t> ids_;

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <atomic>
 #include <exception>
-#include <mutex>
 #include <system_error>
 #include <thread>
 #include <vector>
 
 #include "server/base/cpu_budget.h"
+#include "server/base/mutex.h"
 
 namespace sightline {
 namespace {
@@ -29,12 +29,13 @@ class Pieces {
     }
   }
   void rethrow() const {
+    const MutexLock lock(mutex_);
     if (error_) std::rethrow_exception(error_);
   }
 
  private:
   void note(size_t i, std::exception_ptr error) {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     if (error_ && i > error_at_) return;
     error_ = std::move(error);
     error_at_ = i;
@@ -43,9 +44,9 @@ class Pieces {
   const size_t count_;
   const std::function<void(size_t)>& visit_;
   std::atomic<size_t> next_{0};
-  std::mutex mutex_;
-  size_t error_at_ = 0;       // guarded by mutex_
-  std::exception_ptr error_;  // guarded by mutex_
+  mutable Mutex mutex_;
+  size_t error_at_ GUARDED(mutex_) = 0;
+  std::exception_ptr error_ GUARDED(mutex_);
 };
 
 }  // namespace

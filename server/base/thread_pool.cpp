@@ -52,7 +52,7 @@ ThreadPool::ThreadPool(size_t size) {
 
 ThreadPool::~ThreadPool() {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     ended_ = true;
     ++calls_;
   }
@@ -66,19 +66,19 @@ void ThreadPool::run(const std::function<void(size_t)>& work) {
     return work(0);
   }
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     work_ = &work;
     ++calls_;
   }
   called_.notify_all();
   work(0);
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     work_ = nullptr;
   }
   if (spin_until([this] { return inside_ == 0; })) return;
   alone_ = kAloneAfterLoss;
-  std::unique_lock lock(mutex_);
+  MutexLock lock(mutex_);
   left_.wait(lock, [this] { return inside_ == 0; });
 }
 
@@ -86,7 +86,7 @@ void ThreadPool::help(size_t thread) {
   uint64_t known_calls = 0;
   while (true) {
     spin_until([&] { return calls_ != known_calls; });
-    std::unique_lock lock(mutex_);
+    MutexLock lock(mutex_);
     called_.wait(lock, [&] { return calls_ != known_calls; });
     if (ended_) return;
     known_calls = calls_;

@@ -3,13 +3,13 @@
 #pragma once
 
 #include <atomic>
-#include <condition_variable>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <mutex>
 #include <thread>
 #include <vector>
+
+#include "server/base/mutex.h"
 
 namespace sightline {
 
@@ -34,13 +34,13 @@ class ThreadPool {
  private:
   void help(size_t thread);
 
-  std::mutex mutex_;
-  std::condition_variable called_, left_;
-  const std::function<void(size_t)>* work_ = nullptr;  // guarded by mutex_; null between runs
-  bool ended_ = false;                                 // guarded by mutex_
-  std::atomic<uint64_t> calls_{0};                     // changes under mutex_
-  std::atomic<size_t> inside_{0};                      // helpers inside `work`; changes under mutex_
-  int alone_ = 0;                                      // number of coming runs without helpers
+  Mutex mutex_;
+  ConditionVariable called_, left_;
+  const std::function<void(size_t)>* work_ GUARDED(mutex_) = nullptr;  // null between runs
+  bool ended_ GUARDED(mutex_) = false;
+  std::atomic<uint64_t> calls_{0};  // changes under mutex_
+  std::atomic<size_t> inside_{0};   // helpers inside `work`; changes under mutex_
+  int alone_ = 0;                   // number of coming runs without helpers
   std::vector<std::thread> helpers_;
 };
 

@@ -12,7 +12,7 @@ int64_t thread_cpu_ns() {
 
 WorkLimit::Part::Part(WorkLimit* limit) : limit_(limit) {
   if (!limit_) return;
-  const std::lock_guard lock(limit_->mutex_);
+  const MutexLock lock(limit_->mutex_);
   OfThread& thread = limit_->threads_[std::this_thread::get_id()];
   if (thread.parts++ == 0) thread.charged_ns = limit_->rules_.clock();
 }
@@ -20,14 +20,14 @@ WorkLimit::Part::Part(WorkLimit* limit) : limit_(limit) {
 WorkLimit::Part::~Part() {
   if (!limit_) return;
   limit_->charge_this_thread();
-  const std::lock_guard lock(limit_->mutex_);
+  const MutexLock lock(limit_->mutex_);
   const auto thread = limit_->threads_.find(std::this_thread::get_id());
   if (--thread->second.parts == 0) limit_->threads_.erase(thread);
 }
 
 void WorkLimit::charge_this_thread() {
   const int64_t now_ns = rules_.clock();
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   int64_t& charged_ns = threads_.at(std::this_thread::get_id()).charged_ns;
   spent_ns_ += now_ns - charged_ns;
   charged_ns = now_ns;

@@ -6,11 +6,11 @@
 #include <cstdint>
 #include <functional>
 #include <map>
-#include <mutex>
 #include <string>
 #include <thread>
 
 #include "server/base/error.h"
+#include "server/base/mutex.h"
 
 namespace sightline {
 
@@ -74,8 +74,8 @@ class WorkLimit {
   const Rules rules_;
   const std::function<bool()> unwanted_;
   std::atomic<int64_t> spent_ns_{0};
-  std::mutex mutex_;
-  std::map<std::thread::id, OfThread> threads_;  // guarded by mutex_
+  Mutex mutex_;
+  std::map<std::thread::id, OfThread> threads_ GUARDED(mutex_);
   std::atomic<End> end_{End::kNone};
 };
 

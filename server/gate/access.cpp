@@ -208,7 +208,7 @@ Status Access::take(const std::string& text) {
   auto list = AccessList::parse(text);
   if (!list) return tl::unexpected(std::move(list.error()));
   if (list->empty()) return invalid(kField, path_ + ": must name at least one token, certificate or user");
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   list_ = std::make_shared<const AccessList>(std::move(*list));
   return {};
 }
@@ -219,7 +219,7 @@ std::string Access::exposed() const {
 }
 
 std::shared_ptr<const AccessList> Access::list() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return list_;
 }
 

@@ -18,13 +18,13 @@
 #include <cstdint>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "server/base/error.h"
+#include "server/base/mutex.h"
 #include "server/gate/settled_files.h"
 
 namespace sightline {
@@ -131,8 +131,8 @@ class Access {
   std::string path_;       // constant after construction; empty: no file
   SettledFiles file_{{}};  // used by one thread at a time
   mutable std::atomic<uint64_t> refused_{0};
-  mutable std::mutex mutex_;
-  std::shared_ptr<const AccessList> list_;  // guarded by mutex_; null: no file
+  mutable Mutex mutex_;
+  std::shared_ptr<const AccessList> list_ GUARDED(mutex_);  // null: no file
 };
 
 }  // namespace sightline

@@ -47,12 +47,12 @@ std::optional<unsigned> user_of_socket(int fd) {
 }
 
 std::string Connection::certificate() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return certificate_;
 }
 
 void Connection::set_certificate(std::string name) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   certificate_ = std::move(name);
 }
 

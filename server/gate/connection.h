@@ -3,9 +3,9 @@
 
 #include <atomic>
 #include <memory>
-#include <mutex>
 #include <string>
 
+#include "server/base/mutex.h"
 #include "server/gate/access.h"
 #include "server/gate/frame_watch.h"
 #include "server/gate/listening_socket.h"
@@ -50,8 +50,8 @@ struct Connection {
   std::atomic<bool> accepted{false};  // a call on it was accepted from a caller who may make it
 
  private:
-  mutable std::mutex mutex_;
-  std::string certificate_;  // guarded by mutex_
+  mutable Mutex mutex_;
+  std::string certificate_ GUARDED(mutex_);
 };
 
 }  // namespace sightline

@@ -12,12 +12,12 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <span>
 #include <string_view>
 #include <unordered_map>
 
+#include "server/base/mutex.h"
 #include "server/base/token_bucket.h"
 #include "server/gate/frame_reader.h"
 #include "server/gate/stream_messages.h"
@@ -60,29 +60,30 @@ class ClientFlow {
   explicit ClientFlow(const FrameLimits& limits)
       : calls_(limits.client_burst, limits.client_per_s), overhead_(limits.client_burst, limits.client_per_s) {}
   // True when one more may pass.
-  bool take_call(double now_s) { return take(calls_, 1.0, now_s); }
+  bool take_call(double now_s) {
+    const MutexLock lock(mutex_);
+    return calls_.take(now_s, 1.0);
+  }
   // Calls of the last seconds.
   double recent_calls(double now_s) const {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     return calls_.used(now_s);
   }
-  bool take_overhead(double overhead, double now_s) { return take(overhead_, overhead, now_s); }
+  bool take_overhead(double overhead, double now_s) {
+    const MutexLock lock(mutex_);
+    return overhead_.take(now_s, overhead);
+  }
   // True when nothing has passed lately.
   bool full(double now_s) const {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     return calls_.full(now_s) && overhead_.full(now_s);
   }
   // The sum of FrameWatch::held_bytes.
   std::atomic<size_t> held_bytes{0};
 
  private:
-  bool take(TokenBucket& bucket, double tokens, double now_s) {
-    const std::lock_guard lock(mutex_);
-    return bucket.take(now_s, tokens);
-  }
-
-  mutable std::mutex mutex_;
-  TokenBucket calls_, overhead_;  // guarded by mutex_
+  mutable Mutex mutex_;
+  TokenBucket calls_ GUARDED(mutex_), overhead_ GUARDED(mutex_);
 };
 
 // Not thread-safe.

@@ -69,7 +69,7 @@ void Gate::start() {
 
 void Gate::stop_accepting() {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     if (std::exchange(stopping_, true)) return;
   }
   ::eventfd_write(wake_.get(), 1);
@@ -78,7 +78,7 @@ void Gate::stop_accepting() {
 }
 
 Peer Gate::peer_of(const std::string& peer) const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const auto found = connections_.find(peer);
   if (found == connections_.end()) return {peer, std::nullopt, {}, false};
   const Connection& connection = *found->second;
@@ -89,13 +89,13 @@ Peer Gate::peer_of(const std::string& peer) const {
 }
 
 void Gate::note_accepted(const std::string& peer) const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const auto found = connections_.find(peer);
   if (found != connections_.end()) found->second->accepted = true;
 }
 
 GateCounts Gate::counts() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   GateCounts counts = counts_;
   counts.open = connections_.size();
   for (const auto& relay : relays_) {
@@ -108,7 +108,7 @@ GateCounts Gate::counts() const {
 double Gate::silent_s() const {
   double oldest_s = gate_now_s();
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     if (!stopping_) oldest_s = beat_s_.load(std::memory_order_relaxed);
   }
   for (const auto& relay : relays_) oldest_s = std::min(oldest_s, relay->last_beat_s());
@@ -125,7 +125,7 @@ void Gate::run() {
     ::poll(watched.data(), watched.size(), kCheckMs);
     beat_s_.store(gate_now_s(), std::memory_order_relaxed);
     {
-      const std::lock_guard lock(mutex_);
+      const MutexLock lock(mutex_);
       if (stopping_) break;
     }
     bool failed = false;
@@ -154,7 +154,7 @@ bool Gate::accept_from(const ListeningSocket& socket) try {
 
 void Gate::refuse(const std::string& client, std::string_view reason) {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     ++counts_.refused;
     const auto own = of_client_.find(client);
     counts_.refused_client += own != of_client_.end() && own->second >= limits_.max_per_client;
@@ -177,7 +177,7 @@ bool Gate::may_shake_hands(const std::string& client) {
 }
 
 void Gate::note_flood(const std::string& client) try {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   floods_.try_emplace(client, Flood{TokenBucket(limits_.after_flood_burst, limits_.after_flood_per_s), 0.0})
       .first->second.last_s = gate_now_s();
 } catch (const std::bad_alloc&) {  // the connection is cut in any case
@@ -186,7 +186,7 @@ void Gate::note_flood(const std::string& client) try {
 // A client that closes all its connections and comes again finds its buckets as they were.
 std::shared_ptr<ClientFlow> Gate::flow_of(const std::string& client) {
   const double now_s = gate_now_s();
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   std::erase_if(flows_, [&](const auto& entry) { return entry.second.use_count() == 1 && entry.second->full(now_s); });
   std::shared_ptr<ClientFlow>& flow = flows_[client];
   if (!flow) flow = std::make_shared<ClientFlow>(limits_.frames);
@@ -197,7 +197,7 @@ std::shared_ptr<ClientFlow> Gate::flow_of(const std::string& client) {
 // few of them.
 bool Gate::may_connect(const std::string& client) {
   const double now_s = gate_now_s();
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   std::erase_if(floods_, [&](const auto& entry) { return now_s - entry.second.last_s > limits_.after_flood_s; });
   const auto flood = floods_.find(client);
   return flood == floods_.end() || flood->second.connections.take(now_s);
@@ -222,7 +222,7 @@ void Gate::admit(FileDescriptor fd, bool encrypted) {
 
 // Both maps have the connection, or neither.
 void Gate::enter(const std::shared_ptr<Connection>& connection) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const auto entered = connections_.emplace(connection->peer, connection).first;
   try {
     ++of_client_[connection->client];
@@ -258,7 +258,7 @@ std::shared_ptr<Connection> Gate::connect_to_grpc(FileDescriptor outer, std::str
 bool Gate::make_room(const std::string& client) {
   std::shared_ptr<Connection> victim;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     const auto own = of_client_.find(client);
     const bool client_full = own != of_client_.end() && own->second >= limits_.max_per_client;
     if (!client.empty() && !client_full && connections_.size() < limits_.max_connections) return true;
@@ -309,7 +309,7 @@ void Gate::limit_held() try {
 // The connection that holds most, of the client that holds most. Null when neither this client nor all together hold
 // too much.
 std::shared_ptr<Connection> Gate::largest_holder() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   std::map<std::string_view, size_t> of_client;
   size_t all = 0;
   for (const auto& [peer, connection] : connections_) {
@@ -331,7 +331,7 @@ std::shared_ptr<Connection> Gate::largest_holder() const {
 void Gate::cut_overdue() try {
   std::vector<std::shared_ptr<Connection>> overdue;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     for (const auto& [peer, connection] : connections_) {
       const double deadline_s = connection->deadline_s;
       if (deadline_s > 0.0 && gate_now_s() > deadline_s) overdue.push_back(connection);
@@ -350,7 +350,7 @@ void Gate::cut(const std::shared_ptr<Connection>& connection, std::string_view r
 // Comes once from `cut` and once from the relay; the first one counts.
 void Gate::over(const std::shared_ptr<Connection>& connection, std::string_view reason) {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     if (connections_.erase(connection->peer) == 0) return;
     const auto own = of_client_.find(connection->client);
     if (--own->second == 0) of_client_.erase(own);

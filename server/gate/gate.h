@@ -14,12 +14,12 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <string_view>
 #include <thread>
 #include <vector>
 
+#include "server/base/mutex.h"
 #include "server/base/token_bucket.h"
 #include "server/gate/access.h"
 #include "server/gate/connection.h"
@@ -102,7 +102,7 @@ class Gate {
   bool may_connect(const std::string& client);
   void refuse(const std::string& client, std::string_view reason);
   bool make_room(const std::string& client);
-  std::shared_ptr<Connection> least_needed(const std::string& client) const;
+  std::shared_ptr<Connection> least_needed(const std::string& client) const NEEDS(mutex_);
   void note_held(const Connection& connection, ptrdiff_t change);
   void limit_held();
   std::shared_ptr<Connection> largest_holder() const;
@@ -122,18 +122,18 @@ class Gate {
   std::atomic<double> beat_s_{gate_now_s()};       // when the thread last went round
   std::atomic<size_t> held_bytes_{0};              // of all connections: see Connection::held_bytes
 
-  mutable std::mutex mutex_;
-  // Guarded by mutex_. By peer; those that were cut are no longer in it, so their sockets are open here or nowhere.
-  std::map<std::string, std::shared_ptr<Connection>> connections_;
-  std::map<std::string, size_t> of_client_;
+  mutable Mutex mutex_;
+  // By peer. Those that were cut are no longer in it, so their sockets are open here or nowhere.
+  std::map<std::string, std::shared_ptr<Connection>> connections_ GUARDED(mutex_);
+  std::map<std::string, size_t> of_client_ GUARDED(mutex_);
   struct Flood {
     TokenBucket connections;
     double last_s;  // when a connection of the client was cut last
   };
-  std::map<std::string, Flood> floods_;                       // by client
-  std::map<std::string, std::shared_ptr<ClientFlow>> flows_;  // by client
-  GateCounts counts_;
-  bool stopping_ = false;
+  std::map<std::string, Flood> floods_ GUARDED(mutex_);                       // by client
+  std::map<std::string, std::shared_ptr<ClientFlow>> flows_ GUARDED(mutex_);  // by client
+  GateCounts counts_ GUARDED(mutex_);
+  bool stopping_ GUARDED(mutex_) = false;
 
   std::vector<std::unique_ptr<Relay>> relays_;
   std::unique_ptr<Relay> greeter_;  // null without TLS

@@ -68,7 +68,7 @@ Relay::Relay(const FrameLimits& limits, Over over, Holds holds)
 
 Relay::~Relay() {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     stopping_ = true;
   }
   ::eventfd_write(wake_.get(), 1);
@@ -85,7 +85,7 @@ void Relay::add(std::shared_ptr<Connection> connection) {
 
 void Relay::adopt(Lines::node_type line) {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     new_.insert(std::move(line));
   }
   ::eventfd_write(wake_.get(), 1);
@@ -111,7 +111,7 @@ void Relay::run() {
     hand_on_leaving();
     if (!woken) continue;
     take_new();
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     if (stopping_) break;
   }
   while (!lines_.empty()) end(*lines_.begin()->second, {});
@@ -136,7 +136,7 @@ void Relay::take_new() {
   ::eventfd_read(wake_.get(), &ignored);
   Lines fresh;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     fresh.swap(new_);
   }
   while (!fresh.empty()) {

@@ -23,12 +23,12 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <span>
 #include <string_view>
 #include <thread>
 #include <vector>
 
+#include "server/base/mutex.h"
 #include "server/base/token_bucket.h"
 #include "server/gate/connection.h"
 #include "server/gate/frame_watch.h"
@@ -120,9 +120,9 @@ class Relay {
   std::atomic<uint64_t> received_bytes_{0}, sent_bytes_{0};
   std::atomic<double> beat_s_{gate_now_s()};
 
-  std::mutex mutex_;
-  Lines new_;              // guarded by mutex_
-  bool stopping_ = false;  // guarded by mutex_
+  Mutex mutex_;
+  Lines new_ GUARDED(mutex_);
+  bool stopping_ GUARDED(mutex_) = false;
 
   std::thread thread_;
 };

@@ -277,7 +277,7 @@ Status TlsKeys::take(const SettledFiles::Texts& texts) {
   auto made = make(contents);
   if (!made) return tl::unexpected(std::move(made.error()));
   if (!files_.client_ca.empty() && contents.client_ca.empty()) return invalid(kClientCa, "the file is empty");
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   context_ = std::move(*made);
   return {};
 }
@@ -303,7 +303,7 @@ Result<TlsKeys::Context> TlsKeys::make(const Contents& contents) {
 }
 
 int64_t TlsKeys::expires_s() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const X509* const certificate = SSL_CTX_get0_certificate(context_.get());
   std::tm end{};
   if (!certificate || ASN1_TIME_to_tm(X509_get0_notAfter(certificate), &end) != 1) return 0;
@@ -313,7 +313,7 @@ int64_t TlsKeys::expires_s() const {
 std::unique_ptr<TlsStream> TlsKeys::accept() const {
   Context context;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     context = context_;
   }
   SSL* const ssl = SSL_new(context.get());

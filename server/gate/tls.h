@@ -8,13 +8,13 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "server/base/error.h"
+#include "server/base/mutex.h"
 #include "server/gate/settled_files.h"
 
 struct bio_st;
@@ -104,8 +104,8 @@ class TlsKeys {
 
   const TlsFiles files_;
   SettledFiles settled_;  // certificate, key, client_ca; used by one thread at a time
-  mutable std::mutex mutex_;
-  Context context_;  // guarded by mutex_
+  mutable Mutex mutex_;
+  Context context_ GUARDED(mutex_);
 };
 
 }  // namespace sightline

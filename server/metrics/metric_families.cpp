@@ -125,9 +125,9 @@ void add_sessions(const MetricSource& source, Families& families) {
 constexpr std::array<const char*, kTrackingStatuses> kTrackingStatusNames{
     "tracking", "partial_view", "seeking", "blocked", "waiting", "lost", "holding"};
 
-void add_cameras(const SessionTable& sessions, Families& families) {
+void add_cameras(const SessionTable& sessions, int64_t now_ns, Families& families) {
   const CameraSums sums = sessions.sums();
-  const SessionTable::Now now = sessions.now();
+  const SessionTable::Now now = sessions.now(now_ns);
   MetricFamily& by_status = family(families, "sightline_sessions_by_status",
                                    "Open sessions that have had a step, by the tracking status of the last one.",
                                    MetricType::Gauge);
@@ -135,6 +135,11 @@ void add_cameras(const SessionTable& sessions, Families& families) {
     gauge(by_status, static_cast<double>(now.by_status[i]), {{"status", kTrackingStatusNames[i]}});
   add_gauge(families, "sightline_sessions_blind",
             "Open sessions whose camera has seen nothing of its targets for 2 s of the game or longer.", now.blind);
+  add_gauge(
+      families, "sightline_longest_blind_seconds",
+      "Longest time of the game for which the camera of one open session has seen nothing of its targets. Sessions "
+      "whose game stands still do not count.",
+      now.longest_blind_s);
   MetricFamily& seconds = family(families, "sightline_camera_seconds_total",
                                  "Time of the game by tracking status, over all cameras.", MetricType::Counter);
   for (size_t i = 0; i < kTrackingStatuses; ++i)
@@ -288,7 +293,7 @@ std::vector<prometheus::MetricFamily> metric_families(const MetricSource& source
   Families families;
   add_daemon(source, families);
   add_sessions(source, families);
-  add_cameras(source.parts.sessions, families);
+  add_cameras(source.parts.sessions, source.parts.clock(), families);
   add_ticks(source, families);
   add_steps(source, families);
   add_limits(source, gate, families);

@@ -28,7 +28,7 @@ PageMaker::PageMaker(std::function<void()> tell) : tell_(std::move(tell)), threa
 
 PageMaker::~PageMaker() {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     stopping_ = true;
   }
   changed_.notify_all();
@@ -36,7 +36,7 @@ PageMaker::~PageMaker() {
 }
 
 uint64_t PageMaker::ask(const MakePage& page) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const auto same = std::find_if(asked_.begin(), asked_.end(), [&](const Job& job) { return job.page == &page; });
   if (same != asked_.end()) return same->number;
   asked_.push_back({++last_number_, &page});
@@ -45,7 +45,7 @@ uint64_t PageMaker::ask(const MakePage& page) {
 }
 
 std::vector<PageMaker::Made> PageMaker::take() {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return std::exchange(made_, {});
 }
 
@@ -53,7 +53,7 @@ std::vector<PageMaker::Made> PageMaker::take() {
 void PageMaker::make_one(const Job& job) try {
   const auto answer = std::make_shared<const HttpAnswer>(made(*job.page));
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     made_.push_back({job.number, answer});
   }
   tell_();
@@ -62,9 +62,9 @@ void PageMaker::make_one(const Job& job) try {
 
 void PageMaker::run() {
   ::prctl(PR_SET_NAME, "page-maker");  // for ps and debuggers
-  std::unique_lock lock(mutex_);
+  MutexLock lock(mutex_);
   for (;;) {
-    changed_.wait(lock, [this] { return stopping_ || !asked_.empty(); });
+    changed_.wait(lock, [this]() NEEDS(mutex_) { return stopping_ || !asked_.empty(); });
     if (stopping_) return;
     const Job job = asked_.front();
     asked_.pop_front();
@@ -73,7 +73,8 @@ void PageMaker::run() {
     make_one(job);
     const auto took = steady_clock::now() - begin;
     lock.lock();
-    changed_.wait_for(lock, std::min<steady_clock::duration>(kRest * took, kLongestRest), [this] { return stopping_; });
+    changed_.wait_for(lock, std::min<steady_clock::duration>(kRest * took, kLongestRest),
+                      [this]() NEEDS(mutex_) { return stopping_; });
   }
 }
 

@@ -4,16 +4,16 @@
 // same one.
 #pragma once
 
-#include <condition_variable>
 #include <cstdint>
 #include <deque>
 #include <functional>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <string_view>
 #include <thread>
 #include <vector>
+
+#include "server/base/mutex.h"
 
 namespace sightline {
 
@@ -56,13 +56,12 @@ class PageMaker {
   void run();
 
   const std::function<void()> tell_;
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  // Guarded by mutex_.
-  std::deque<Job> asked_;
-  std::vector<Made> made_;
-  uint64_t last_number_ = 0;
-  bool stopping_ = false;
+  Mutex mutex_;
+  ConditionVariable changed_;
+  std::deque<Job> asked_ GUARDED(mutex_);
+  std::vector<Made> made_ GUARDED(mutex_);
+  uint64_t last_number_ GUARDED(mutex_) = 0;
+  bool stopping_ GUARDED(mutex_) = false;
 
   std::thread thread_;
 };

@@ -49,7 +49,7 @@ std::string_view explain(MoveReason reason) {
     case MoveReason::kStays:
       return "the targets are expected to be seen from here as well as from anywhere in reach; staying";
     case MoveReason::kNearestView:
-      return "nothing is seen along the plan; going to the nearest position that sees a part of a target";
+      return "nothing is seen along the plan; following it toward a position that sees a part of a target";
     case MoveReason::kFarWay:
       return "no target has been seen for a while; going through the level to the nearest one";
     case MoveReason::kNoTargets:

@@ -53,7 +53,7 @@ enum class FlightCourse {
   kFollow,    // to the desired position
   kStay,      // where it is
   kPlan,      // along the flight plan
-  kToView,    // no place on the plan sees a target: to the nearest one that does
+  kToView,    // along the plan, which shows no target, toward a place beyond its end that does
   kTrail,     // none in reach does: the way that the targets went
   kApproach,  // and no trail is known: nearer to the desired position
   kFarWay,    // blind for long: through the level to the nearest target

@@ -90,7 +90,7 @@ class MotionPredictor {
   void configure(const PredictionSettings& settings) { settings_ = settings; }
 
  private:
-  friend struct StateFields;           // writes and reads it as bytes (server/session/session_memory.cpp)
+  friend struct StateFields;  // lists its fields, to write and read them as bytes (server/session/state_fields.h)
   static constexpr size_t kKept = 32;  // steps remembered: 0.5 s at 60 Hz, five times the default smoothing
 
   // Times and weights of the samples; the newest is at time 0.

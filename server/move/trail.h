@@ -30,7 +30,7 @@ class Trail {
   const std::vector<glm::dvec3>& places_m() const { return places_m_; }  // oldest first
 
  private:
-  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
+  friend struct StateFields;  // lists its fields, to write and read them as bytes (server/session/state_fields.h)
   std::vector<glm::dvec3> places_m_;
 };
 

@@ -46,7 +46,7 @@ class PairHistory {
               std::vector<uint32_t>& filtered);
 
  private:
-  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
+  friend struct StateFields;  // lists its fields, to write and read them as bytes (server/session/state_fields.h)
   // One step. Without links: it took no pair volume.
   struct Frame {
     std::vector<uint64_t> target_ids;

@@ -5,13 +5,12 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
-#include <condition_variable>
 #include <deque>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <vector>
 
+#include "server/base/mutex.h"
 #include "server/record/recorder.h"
 
 namespace sightline::record_internal {
@@ -25,14 +24,14 @@ struct Attached {
 class LargeMessages {
  public:
   bool put(std::string message) {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     if (bytes_ + message.size() > kMaxMessageBytes) return false;
     bytes_ += message.size();
     messages_.push_back(std::move(message));
     return true;
   }
   std::string take() {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     std::string message = std::move(messages_.front());
     messages_.pop_front();
     bytes_ -= message.size();
@@ -40,17 +39,16 @@ class LargeMessages {
   }
 
  private:
-  std::mutex mutex_;
-  // guarded by mutex_
-  std::deque<std::string> messages_;
-  uint64_t bytes_ = 0;
+  Mutex mutex_;
+  std::deque<std::string> messages_ GUARDED(mutex_);
+  uint64_t bytes_ GUARDED(mutex_) = 0;
 };
 
 // The files that a session attached. The list only grows.
 class AttachedFiles {
  public:
   bool add(std::shared_ptr<const Attached> file) {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     const uint64_t bytes = bytes_.load(std::memory_order_relaxed) + file->data->size();
     if (files_.size() >= SessionRecorder::kMaxAttachments || bytes > kMaxAttachmentBytes) return false;
     files_.push_back(std::move(file));
@@ -61,13 +59,13 @@ class AttachedFiles {
   size_t count() const { return count_.load(std::memory_order_acquire); }
   uint64_t bytes() const { return bytes_.load(std::memory_order_relaxed); }
   std::shared_ptr<const Attached> at(size_t index) const {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     return files_[index];
   }
 
  private:
-  mutable std::mutex mutex_;
-  std::vector<std::shared_ptr<const Attached>> files_;  // guarded by mutex_
+  mutable Mutex mutex_;
+  std::vector<std::shared_ptr<const Attached>> files_ GUARDED(mutex_);
   // written under mutex_, read without it
   std::atomic<size_t> count_{0};
   std::atomic<uint64_t> bytes_{0};
@@ -80,19 +78,19 @@ struct Waker {
     if (!called.load(std::memory_order_relaxed) && !called.exchange(true)) condition.notify_one();
   }
   void wake_surely() {
-    const std::lock_guard lock(mutex);
+    const MutexLock lock(mutex);
     called.store(true);
     condition.notify_one();
   }
   void wait(std::chrono::nanoseconds timeout) {
-    std::unique_lock lock(mutex);
+    MutexLock lock(mutex);
     condition.wait_for(lock, timeout, [this] { return called.load(); });
     called.store(false);
   }
 
   std::atomic<bool> called{false};
-  std::mutex mutex;
-  std::condition_variable condition;
+  Mutex mutex;
+  ConditionVariable condition;
 };
 
 // One session.

@@ -94,14 +94,14 @@ std::unique_ptr<SessionRecorder> RecordWriter::open_session(v1::RecordingInfo in
   info.set_layout_version(kLayoutVersion);
   info.set_start_time_ns(now_ns_());
   auto session = std::make_shared<Session>(std::move(info), settings_, waker_);
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   new_sessions_.push_back(session);
   ++counts_.open_sessions;
   return std::make_unique<SessionRecorder>(std::move(session));
 }
 
 RecordCounts RecordWriter::counts() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return counts_;
 }
 
@@ -114,7 +114,7 @@ void RecordWriter::wake() {
 }
 
 void RecordWriter::adopt_new_sessions() {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   for (auto& session : new_sessions_) active_.emplace_back(std::move(session));
   new_sessions_.clear();
 }
@@ -136,7 +136,7 @@ void RecordWriter::run_once() {
   uint64_t failing = 0;
   for (const ActiveSession& active : active_)
     failing += active.session->failing.load(std::memory_order_relaxed) ? 1 : 0;
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   counts_.failing_sessions = failing;
   counts_.open_sessions = active_.size() + new_sessions_.size();
   counts_.removed_files = folder_.removed_files();
@@ -170,7 +170,7 @@ void RecordWriter::report_drops(const ActiveSession& active, v1::Gap::Reason rea
   if (lasted && !known.lasts) warn_({reason, session_id, "messages are written again", true});
   if (!lasted && known.lasts) warn_({reason, session_id, reason_text(reason)});
   if (more == 0) return;
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   counts_.dropped_messages += more;
 }
 
@@ -188,7 +188,7 @@ void RecordWriter::write_entry(ActiveSession& active, const RecordEntry& entry) 
   take_in(active, message, has_file && written);
   if (!has_file || !written) return lose_messages(active, lost_with(message));
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     ++counts_.messages;
   }
   if (active.file) check(active, active.file->status());
@@ -339,7 +339,7 @@ bool RecordWriter::ensure_file(ActiveSession& active, uint64_t time_ns) {
   active.head_bytes = active.file->bytes();
   active.head_chunks = active.file->chunks();
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     ++counts_.files;
   }
   if (Status ok = active.file->status(); !ok) lose_file(active, ok.error());
@@ -393,7 +393,7 @@ void RecordWriter::check(ActiveSession& active, const Status& done) {
   const uint64_t more = active.file->bytes() - std::exchange(active.counted_bytes, active.file->bytes());
   bytes_since_housekeeping_ += more;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     counts_.bytes += more;
   }
   if (done && active.file->chunks() > active.head_chunks) {
@@ -439,7 +439,7 @@ void RecordWriter::lose_file(ActiveSession& active, const Error& error) {
     std::string text = reason_text(active.gap.reason());
     warn_({active.gap.reason(), active.session->info.session_id(), text.append(": ").append(to_string(error))});
   }
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   ++counts_.write_failures;
 }
 
@@ -447,7 +447,7 @@ void RecordWriter::lose_file(ActiveSession& active, const Error& error) {
 void RecordWriter::lose_messages(ActiveSession& active, const LostMessages& lost) {
   add_to_gap(active.gap, active.gap.reason(), lost.messages + lost.reported, lost.first_time_ns, lost.last_time_ns);
   active.session->dropped_by_writer.fetch_add(lost.messages, std::memory_order_relaxed);
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   counts_.dropped_messages += lost.messages;
 }
 
@@ -489,12 +489,12 @@ void RecordWriter::try_folder() {
 }
 
 std::optional<Error> RecordWriter::folder_trouble() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return folder_trouble_;
 }
 
 void RecordWriter::set_folder_trouble(std::optional<Error> trouble) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   folder_trouble_ = std::move(trouble);
 }
 

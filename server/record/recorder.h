@@ -18,12 +18,12 @@
 #include <functional>
 #include <list>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "server/base/mutex.h"
 #include "server/record/level_view.h"
 #include "server/record/record_folder.h"
 #include "server/record/record_ring.h"
@@ -207,11 +207,10 @@ class RecordWriter {
   uint64_t bytes_since_housekeeping_ = 0;
   size_t stuck_files_ = 0;  // that were warned of
 
-  mutable std::mutex mutex_;
-  // guarded by mutex_
-  std::vector<std::shared_ptr<record_internal::Session>> new_sessions_;
-  RecordCounts counts_;
-  std::optional<Error> folder_trouble_;
+  mutable Mutex mutex_;
+  std::vector<std::shared_ptr<record_internal::Session>> new_sessions_ GUARDED(mutex_);
+  RecordCounts counts_ GUARDED(mutex_);
+  std::optional<Error> folder_trouble_ GUARDED(mutex_);
 
   const std::shared_ptr<record_internal::Waker> waker_;  // shared with the sessions, which wake the writer
 };

@@ -28,8 +28,8 @@ EventLoop::EventLoop(std::unique_ptr<grpc::CompletionQueue> queue, Clock now, co
 // The queue is shut down only after the last call, because a call that is still stepping starts operations at its end.
 EventLoop::~EventLoop() {
   {
-    std::unique_lock lock(mutex_);
-    none_left_.wait(lock, [this] { return calls_ == 0; });
+    MutexLock lock(mutex_);
+    none_left_.wait(lock, [this]() NEEDS(mutex_) { return calls_ == 0; });
   }
   queue_->Shutdown();
   thread_.join();
@@ -53,12 +53,12 @@ void EventLoop::run_oldest() {
 }
 
 void EventLoop::call_begins() {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   ++calls_;
 }
 
 void EventLoop::call_ends() {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (--calls_ == 0) none_left_.notify_all();
 }
 
@@ -73,7 +73,7 @@ void EventLoop::post(Event& event) {
 EventLoop::Silence EventLoop::silence() {
   const auto now = now_();
   const auto busy = busy_time_of_thread(thread_id_);
-  const std::lock_guard lock(ping_.mutex);
+  const MutexLock lock(ping_.mutex);
   if (ping_.owed) return {now - ping_.since, busy - ping_.busy};
   ping_.owed = true;
   ping_.since = now;
@@ -85,7 +85,7 @@ EventLoop::Silence EventLoop::silence() {
 
 void EventLoop::Ping::ready(bool) {
   {
-    const std::lock_guard lock(mutex);
+    const MutexLock lock(mutex);
     owed = false;
   }
   loop.call_ends();

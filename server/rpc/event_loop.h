@@ -13,13 +13,13 @@
 
 #include <atomic>
 #include <chrono>
-#include <condition_variable>
 #include <cstddef>
 #include <deque>
 #include <functional>
 #include <memory>
-#include <mutex>
 #include <thread>
+
+#include "server/base/mutex.h"
 
 namespace sightline {
 
@@ -85,10 +85,10 @@ class EventLoop {
     explicit Ping(EventLoop& of) : loop(of) {}
     void ready(bool ok) override;
     EventLoop& loop;
-    std::mutex mutex;
-    bool owed = false;                              // guarded by mutex
-    std::chrono::steady_clock::time_point since{};  // guarded by mutex
-    std::chrono::nanoseconds busy{0};               // of the thread until then; guarded by mutex
+    Mutex mutex;
+    bool owed GUARDED(mutex) = false;
+    std::chrono::steady_clock::time_point since GUARDED(mutex){};
+    std::chrono::nanoseconds busy GUARDED(mutex){0};  // of the thread until then
   };
 
   void run();
@@ -107,9 +107,9 @@ class EventLoop {
   Ping ping_{*this};
   std::atomic<int> thread_id_{0};
 
-  std::mutex mutex_;
-  std::condition_variable none_left_;
-  size_t calls_ = 0;  // guarded by mutex_
+  Mutex mutex_;
+  ConditionVariable none_left_;
+  size_t calls_ GUARDED(mutex_) = 0;
 
   std::thread thread_;
 };

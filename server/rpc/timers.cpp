@@ -12,7 +12,7 @@ Timers::Timers() : thread_([this] { run(); }) {}
 
 Timers::~Timers() {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     stopping_ = true;
   }
   changed_.notify_all();
@@ -20,7 +20,7 @@ Timers::~Timers() {
 }
 
 Timers::Timer Timers::start(Duration after, Action action) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const Timer timer(steady_clock::now() + after, ++last_number_);
   const auto at = actions_.emplace(timer, std::move(action)).first;
   if (at == actions_.begin()) changed_.notify_all();
@@ -30,7 +30,7 @@ Timers::Timer Timers::start(Duration after, Action action) {
 // The action may hold the last reference to something, which must not be destroyed under the lock.
 bool Timers::cancel(const Timer& timer) {
   Action cancelled;
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const auto at = actions_.find(timer);
   if (at == actions_.end()) return false;
   cancelled = std::move(at->second);
@@ -39,7 +39,7 @@ bool Timers::cancel(const Timer& timer) {
 }
 
 Timers::Duration Timers::late() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const auto now = steady_clock::now();
   if (runs_since_) return now - *runs_since_;
   return actions_.empty() ? Duration::zero() : std::max(Duration::zero(), now - actions_.begin()->first.first);
@@ -47,7 +47,7 @@ Timers::Duration Timers::late() const {
 
 void Timers::run() {
   ::prctl(PR_SET_NAME, "timers");  // for ps and debuggers
-  std::unique_lock lock(mutex_);
+  MutexLock lock(mutex_);
   while (!stopping_) {
     const auto first = actions_.begin();
     if (first == actions_.end()) {

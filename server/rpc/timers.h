@@ -6,14 +6,14 @@
 #pragma once
 
 #include <chrono>
-#include <condition_variable>
 #include <cstdint>
 #include <functional>
 #include <map>
-#include <mutex>
 #include <optional>
 #include <thread>
 #include <utility>
+
+#include "server/base/mutex.h"
 
 namespace sightline {
 
@@ -43,13 +43,12 @@ class Timers {
 
   void run();
 
-  mutable std::mutex mutex_;
-  std::condition_variable changed_;
-  // Guarded by mutex_.
-  std::map<Timer, Action> actions_;  // by their time
-  std::optional<Time> runs_since_;   // of the action that runs now
-  uint64_t last_number_ = 0;
-  bool stopping_ = false;
+  mutable Mutex mutex_;
+  ConditionVariable changed_;
+  std::map<Timer, Action> actions_ GUARDED(mutex_);  // by their time
+  std::optional<Time> runs_since_ GUARDED(mutex_);   // of the action that runs now
+  uint64_t last_number_ GUARDED(mutex_) = 0;
+  bool stopping_ GUARDED(mutex_) = false;
 
   std::thread thread_;
 };

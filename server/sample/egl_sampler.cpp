@@ -1,9 +1,9 @@
 #include "server/sample/egl_sampler.h"
 
 #include <algorithm>
-#include <mutex>
 #include <utility>
 
+#include "server/base/mutex.h"
 #include "server/sample/map_renderer.h"
 #include "server/sample/map_taker.h"
 #include "server/sample/occluder_tree.h"
@@ -62,20 +62,20 @@ class SharedEglDevice final : public EglSamplerDevice {
 
  private:
   explicit SharedEglDevice(const EglOptions& options) : options_(options) {}
-  Status build();
+  Status build() NEEDS(mutex_);
   Status warm_up();
-  void drop_renderer();
-  Status take_once(MapTaker& taker);
+  void drop_renderer() NEEDS(mutex_);
+  Status take_once(MapTaker& taker) NEEDS(mutex_);
 
   const EglOptions options_;
   bool software_ = false;  // constant after create()
 
-  mutable std::mutex mutex_;
-  std::unique_ptr<EglContext> context_;     // guarded by mutex_; null after a rebuild failed
-  std::unique_ptr<MapRenderer> renderer_;   // guarded by mutex_; dies before context_, with it current
-  std::string description_ = "no context";  // guarded by mutex_
-  bool loss_simulated_ = false;             // guarded by mutex_
-  uint64_t rebuilds_ = 0;                   // guarded by mutex_
+  mutable Mutex mutex_;
+  std::unique_ptr<EglContext> context_ GUARDED(mutex_);    // null after a rebuild failed
+  std::unique_ptr<MapRenderer> renderer_ GUARDED(mutex_);  // dies before context_, with it current
+  std::string description_ GUARDED(mutex_) = "no context";
+  bool loss_simulated_ GUARDED(mutex_) = false;
+  uint64_t rebuilds_ GUARDED(mutex_) = 0;
 };
 
 class EglSampler final : public Sampler {
@@ -99,8 +99,11 @@ class EglSampler final : public Sampler {
 
 Result<std::unique_ptr<EglSamplerDevice>> SharedEglDevice::create(const EglOptions& options) {
   std::unique_ptr<SharedEglDevice> device(new SharedEglDevice(options));
-  if (Status built = device->build(); !built) return tl::unexpected(built.error());
-  device->software_ = device->context_->info().software;
+  {
+    const MutexLock lock(device->mutex_);
+    if (Status built = device->build(); !built) return tl::unexpected(built.error());
+    device->software_ = device->context_->info().software;
+  }
   if (Status warm = device->warm_up(); !warm) return tl::unexpected(warm.error());
   return device;
 }
@@ -166,22 +169,22 @@ void SharedEglDevice::take_all(std::span<TakeJob> jobs) {
 }
 
 std::string SharedEglDevice::renderer() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return description_;
 }
 
 void SharedEglDevice::simulate_context_loss() {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   loss_simulated_ = true;
 }
 
 uint64_t SharedEglDevice::context_rebuilds() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return rebuilds_;
 }
 
 Status SharedEglDevice::take(MapTaker& taker) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   Status done = take_once(taker);
   if (done || done.error().code != ErrorCode::kUnavailable) return done;
   drop_renderer();

@@ -156,7 +156,6 @@ EmbreeDevice::Impl::Impl() : device(rtcNewDevice(device_configuration().c_str())
 }
 
 std::shared_ptr<const BottomScene> EmbreeDevice::Impl::find(const BottomKey& key) {
-  const std::lock_guard lock(mutex);
   const auto found = bottoms.find(key);
   // Another geometry may have the address of one that has died.
   if (found == bottoms.end() || found->second.geometry.expired()) return nullptr;
@@ -166,7 +165,7 @@ std::shared_ptr<const BottomScene> EmbreeDevice::Impl::find(const BottomKey& key
 void EmbreeDevice::Impl::forget_dead() {
   // Releases dead scenes after the lock.
   std::vector<std::shared_ptr<const BottomScene>> dead;
-  const std::lock_guard lock(mutex);
+  const MutexLock lock(mutex);
   std::erase_if(bottoms, [&](const auto& item) {
     if (!item.second.geometry.expired()) return false;
     dead.push_back(item.second.scene);
@@ -178,16 +177,18 @@ void EmbreeDevice::Impl::forget_dead() {
 std::shared_ptr<const BottomScene> EmbreeDevice::Impl::bottom_of(const std::shared_ptr<const Geometry>& geometry,
                                                                  size_t index_count) {
   const BottomKey key{geometry.get(), index_count};
-  if (auto bottom = find(key)) return bottom;
+  {
+    const MutexLock lock(mutex);
+    if (auto bottom = find(key)) return bottom;
+  }
   auto built = build_bottom(device.get(), *geometry, index_count);
-  const std::lock_guard lock(mutex);
+  const MutexLock lock(mutex);
   Bottom& bottom = bottoms[key];
   if (bottom.geometry.expired()) bottom = {geometry, std::move(built)};
   return bottom.scene;
 }
 
 std::shared_ptr<const StaticTop> EmbreeDevice::Impl::find(uint64_t hash, std::span<const Placement> placements) {
-  const std::lock_guard lock(mutex);
   const auto [first, last] = statics.equal_range(hash);
   for (auto it = first; it != last; ++it)
     // Equal hashes are not enough: all placements are compared.
@@ -201,12 +202,15 @@ std::shared_ptr<const StaticTop> EmbreeDevice::Impl::find(uint64_t hash, std::sp
 std::shared_ptr<const StaticTop> EmbreeDevice::Impl::static_top_of(const SceneMirror& mirror, Content content) {
   const Placed placed = place(*this, mirror, content, false, 0.0);
   const uint64_t hash = hash64_bytes(std::as_bytes(std::span(placed.placements)));
-  if (auto found = find(hash, placed.placements)) return found;
+  {
+    const MutexLock lock(mutex);
+    if (auto found = find(hash, placed.placements)) return found;
+  }
   auto made = std::make_shared<StaticTop>(
       StaticTop{build_top(device.get(), mirror, placed, RTC_BUILD_QUALITY_HIGH), placed.placements});
   forget_dead();
+  const MutexLock lock(mutex);
   if (auto found = find(hash, placed.placements)) return found;  // another thread was faster
-  const std::lock_guard lock(mutex);
   statics.emplace(hash, made);
   return made;
 }

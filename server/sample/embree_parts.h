@@ -5,11 +5,11 @@
 #include <cmath>
 #include <glm/glm.hpp>
 #include <memory>
-#include <mutex>
 #include <span>
 #include <unordered_map>
 #include <vector>
 
+#include "server/base/mutex.h"
 #include "server/sample/embree_query.h"
 #include "server/sample/embree_scene.h"
 
@@ -113,14 +113,14 @@ struct EmbreeDevice::Impl {
 
   std::atomic<ssize_t> bytes{0};  // kept by Embree's memory monitor; outlives the device
   DeviceHandle device;
-  std::mutex mutex;
-  std::unordered_map<BottomKey, Bottom, BottomKeyHash> bottoms;  // guarded by mutex
-  // guarded by mutex; by hash of the placements
-  std::unordered_multimap<uint64_t, std::weak_ptr<const StaticTop>> statics;
+  Mutex mutex;
+  std::unordered_map<BottomKey, Bottom, BottomKeyHash> bottoms GUARDED(mutex);
+  // By hash of the placements.
+  std::unordered_multimap<uint64_t, std::weak_ptr<const StaticTop>> statics GUARDED(mutex);
 
  private:
-  std::shared_ptr<const BottomScene> find(const BottomKey& key);
-  std::shared_ptr<const StaticTop> find(uint64_t hash, std::span<const Placement> placements);
+  std::shared_ptr<const BottomScene> find(const BottomKey& key) NEEDS(mutex);
+  std::shared_ptr<const StaticTop> find(uint64_t hash, std::span<const Placement> placements) NEEDS(mutex);
 };
 
 }  // namespace sightline

@@ -221,7 +221,7 @@ std::shared_ptr<const ExtentTable> ExtentCache::get(const std::shared_ptr<const 
     FutureTable table;
     bool is_new = false;
     {
-      const std::lock_guard lock(mutex_);
+      const MutexLock lock(mutex_);
       is_new = !by_key_.contains(geometry->key);
       if (is_new) std::erase_if(by_key_, [](const auto& entry) { return entry.second.geometry.expired(); });
       Entry& entry = by_key_[geometry->key];
@@ -243,7 +243,7 @@ std::shared_ptr<const ExtentTable> ExtentCache::build(const std::shared_ptr<cons
   std::shared_ptr<const ExtentTable> table;
   const auto tell = [&] {
     if (!table) {
-      const std::lock_guard lock(mutex_);
+      const MutexLock lock(mutex_);
       by_key_.erase(geometry->key);
     }
     built.set_value(table);
@@ -259,13 +259,13 @@ std::shared_ptr<const ExtentTable> ExtentCache::build(const std::shared_ptr<cons
 }
 
 bool ExtentCache::has(const Geometry& geometry) const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const auto found = by_key_.find(geometry.key);
   return found != by_key_.end() && found->second.table.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
 }
 
 size_t ExtentCache::count() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return by_key_.size();
 }
 

@@ -24,11 +24,11 @@
 #include <limits>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <span>
 #include <vector>
 
 #include "server/base/hash.h"
+#include "server/base/mutex.h"
 #include "server/base/random.h"
 #include "server/base/work_limit.h"
 #include "server/scene/geometry.h"
@@ -136,8 +136,8 @@ class ExtentCache {
                                            std::promise<std::shared_ptr<const ExtentTable>>& built, WorkLimit* work);
 
   const uint64_t seed_;
-  mutable std::mutex mutex_;
-  std::map<GeometryKey, Entry> by_key_;  // guarded by mutex_
+  mutable Mutex mutex_;
+  std::map<GeometryKey, Entry> by_key_ GUARDED(mutex_);
 };
 
 }  // namespace sightline

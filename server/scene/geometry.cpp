@@ -202,7 +202,7 @@ Result<std::shared_ptr<const Geometry>> GeometryStore::intern(MeshData mesh, Wor
   const auto build = [&] { return build_checked(std::move(mesh), hash, key, work); };
   auto built = max_bytes_ == 0 ? build() : counted(reserved, bytes_, build);
   if (!built) return tl::unexpected(limit->error());
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (by_key_.size() >= forget_at_size_) forget_dead();
   std::weak_ptr<const Geometry>& kept = by_key_[key];
   if (auto alive = kept.lock()) return alive;  // another thread was faster: its copy is the one
@@ -211,7 +211,7 @@ Result<std::shared_ptr<const Geometry>> GeometryStore::intern(MeshData mesh, Wor
 }
 
 std::shared_ptr<const Geometry> GeometryStore::find(const GeometryKey& key) const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const auto it = by_key_.find(key);
   return it == by_key_.end() ? nullptr : it->second.lock();
 }
@@ -222,7 +222,7 @@ void GeometryStore::forget_dead() {
 }
 
 GeometryBytes GeometryStore::live_bytes_by_part() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   GeometryBytes all;
   for (const auto& [key, geometry] : by_key_) {
     const auto alive = geometry.lock();
@@ -235,7 +235,7 @@ GeometryBytes GeometryStore::live_bytes_by_part() const {
 }
 
 size_t GeometryStore::live_count() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return static_cast<size_t>(
       std::count_if(by_key_.begin(), by_key_.end(), [](const auto& entry) { return !entry.second.expired(); }));
 }

@@ -13,12 +13,12 @@
 #include <limits>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <span>
 #include <vector>
 
 #include "server/base/error.h"
 #include "server/base/hash.h"
+#include "server/base/mutex.h"
 #include "server/base/work_limit.h"
 
 namespace sightline {
@@ -123,16 +123,16 @@ class GeometryStore {
 
  private:
   std::shared_ptr<const Geometry> find(const GeometryKey& key) const;
-  void forget_dead();  // needs mutex_
+  void forget_dead() NEEDS(mutex_);
   bool reserve(size_t bytes);
 
   const size_t max_bytes_;
   // The bytes of geometries in use, and the estimates for those that are being built. Geometries can outlive the store.
   const std::shared_ptr<std::atomic<size_t>> bytes_ = std::make_shared<std::atomic<size_t>>(0);
 
-  mutable std::mutex mutex_;
-  std::map<GeometryKey, std::weak_ptr<const Geometry>> by_key_;  // guarded by mutex_
-  size_t forget_at_size_ = 64;                                   // guarded by mutex_
+  mutable Mutex mutex_;
+  std::map<GeometryKey, std::weak_ptr<const Geometry>> by_key_ GUARDED(mutex_);
+  size_t forget_at_size_ GUARDED(mutex_) = 64;
 };
 
 }  // namespace sightline

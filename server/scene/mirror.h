@@ -156,7 +156,7 @@ class SceneMirror {
   uint64_t version() const { return version_; }
 
  private:
-  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
+  friend struct StateFields;  // lists its fields, to write and read them as bytes (server/session/state_fields.h)
   struct Pending;             // ids that the delta being checked removes and adds
 
   Status check(const SceneDelta& delta, const TransformUpdate& transforms);

@@ -78,7 +78,7 @@ Result<std::shared_ptr<const SceneAsset>> SceneLibrary::load_named(const std::st
   std::vector<Source> sources;
   auto asset = read_named(name, sources, work);
   if (!asset) return asset;
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   Asset shared = remember(std::move(*asset), {});
   named_[name] = {std::move(sources), shared};
   return shared;
@@ -96,7 +96,7 @@ SceneLibrary::Asset SceneLibrary::find_unchanged(const std::string& name) {
   Asset asset;
   std::vector<Source> sources;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     const auto known = named_.find(name);
     if (known == named_.end()) return nullptr;
     asset = known->second.asset.lock();
@@ -136,7 +136,7 @@ Result<std::shared_ptr<const SceneAsset>> SceneLibrary::add_uploaded(std::span<c
     kept = std::make_shared<const std::string>(text_of(bytes));
     *asset = with_bytes(std::move(*asset), kept);
   }
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (!make_room(**asset, owner))
     return fail(ErrorCode::kResourceExhausted, "",
                 "the scenes that this client has uploaded take more than " + std::to_string(owner_bytes_ >> 20) +
@@ -178,7 +178,7 @@ void SceneLibrary::keep(Asset asset, const std::string& owner) {
   std::erase_if(kept_uploads_, [&](const KeptUpload& kept) { return kept.asset == asset; });
   const size_t bytes = memory_of(*asset);
   kept_uploads_.push_back({std::move(asset), owner, bytes});
-  const auto all = [&] {
+  const auto all = [&]() NEEDS(mutex_) {
     return std::accumulate(kept_uploads_.begin(), kept_uploads_.end(), size_t{0},
                            [](size_t sum, const KeptUpload& kept) { return sum + kept.bytes; });
   };
@@ -230,7 +230,7 @@ std::shared_ptr<Value> SceneLibrary::find_in(const ByHash<Value>& assets, const 
 }
 
 Result<std::shared_ptr<const SceneAsset>> SceneLibrary::find(const ContentHash& hash, const SceneReader& reader) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (Asset asset = find_in(by_hash_, hash, reader)) return asset;
   return fail(ErrorCode::kNotFound, "scene.hash", "no scene with the hash " + to_hex(hash) + " is loaded");
 }
@@ -238,7 +238,7 @@ Result<std::shared_ptr<const SceneAsset>> SceneLibrary::find(const ContentHash& 
 Result<std::vector<SceneFile>> SceneLibrary::files_of(const std::string& name) {
   std::vector<Source> sources;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     const auto known = named_.find(name);
     if (known == named_.end() || known->second.asset.expired())
       return fail(ErrorCode::kNotFound, kField, "\"" + name + "\" is not loaded");
@@ -255,7 +255,7 @@ Result<std::vector<SceneFile>> SceneLibrary::files_of(const std::string& name) {
 
 Result<std::vector<SceneFile>> SceneLibrary::files_of(const ContentHash& hash, const SceneReader& reader) {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     if (auto bytes = find_in(uploaded_bytes_, hash, reader)) return std::vector<SceneFile>{{"", std::move(bytes)}};
   }
   if (const std::string name = name_of(hash); !name.empty()) return files_of(name);
@@ -263,7 +263,7 @@ Result<std::vector<SceneFile>> SceneLibrary::files_of(const ContentHash& hash, c
 }
 
 std::string SceneLibrary::name_of(const ContentHash& hash) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   for (const auto& [name, named] : named_)
     if (const Asset asset = named.asset.lock(); asset && asset->hash == hash) return name;
   return {};
@@ -272,7 +272,7 @@ std::string SceneLibrary::name_of(const ContentHash& hash) {
 // The lock is not held while the disk is read.
 Result<SceneFile> SceneLibrary::read_again(const Source& source) {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     if (const auto kept = kept_files_.find(source.path); kept != kept_files_.end())
       if (auto bytes = kept->second.bytes.lock(); bytes && kept->second.stamp == source.stamp)
         return SceneFile{source.path, std::move(bytes)};
@@ -282,7 +282,7 @@ Result<SceneFile> SceneLibrary::read_again(const Source& source) {
   if (content->stamp != source.stamp)
     return fail(ErrorCode::kFailedPrecondition, "", "\"" + source.path + "\" has changed since it was loaded");
   auto bytes = std::make_shared<const std::string>(text_of(content->bytes));
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   std::erase_if(kept_files_, [](const auto& entry) { return entry.second.bytes.expired(); });
   kept_files_[source.path] = {source.stamp, bytes};
   return SceneFile{source.path, std::move(bytes)};

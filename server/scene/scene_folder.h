@@ -8,12 +8,12 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "server/base/mutex.h"
 #include "server/scene/asset.h"
 #include "server/scene/confined_folder.h"
 #include "server/scene/gltf.h"
@@ -116,13 +116,13 @@ class SceneLibrary {
   template <typename Value>
   static std::shared_ptr<Value> find_in(const ByHash<Value>& assets, const ContentHash& hash,
                                         const SceneReader& reader);
-  Asset remember(Asset asset, const std::string& owner);  // needs mutex_
-  void keep(Asset asset, const std::string& owner);       // needs mutex_
-  // of the owner's other assets; needs mutex_
-  size_t bytes_of_others(const SceneAsset& asset, const std::string& owner) const;
-  // false: there is none, and nothing was dropped; needs mutex_
-  bool make_room(const SceneAsset& asset, const std::string& owner);
-  bool drop_one_upload(const std::function<size_t(const KeptUpload&)>& amount);  // needs mutex_
+  Asset remember(Asset asset, const std::string& owner) NEEDS(mutex_);
+  void keep(Asset asset, const std::string& owner) NEEDS(mutex_);
+  // of the owner's other assets
+  size_t bytes_of_others(const SceneAsset& asset, const std::string& owner) const NEEDS(mutex_);
+  // false: there is none, and nothing was dropped
+  bool make_room(const SceneAsset& asset, const std::string& owner) NEEDS(mutex_);
+  bool drop_one_upload(const std::function<size_t(const KeptUpload&)>& amount) NEEDS(mutex_);
 
   const std::string folder_;
   const std::optional<ConfinedFolder> opened_;  // absent when folder_ is empty or cannot be opened
@@ -131,12 +131,12 @@ class SceneLibrary {
   const bool keep_uploaded_bytes_;
   const size_t kept_bytes_, owner_bytes_;
   DroppedUploads dropped_uploads_;
-  std::mutex mutex_;
-  std::map<std::string, Named> named_;          // guarded by mutex_
-  ByHash<const SceneAsset> by_hash_;            // guarded by mutex_
-  std::vector<KeptUpload> kept_uploads_;        // oldest first; guarded by mutex_
-  ByHash<const std::string> uploaded_bytes_;    // guarded by mutex_
-  std::map<std::string, KeptFile> kept_files_;  // by path; guarded by mutex_
+  Mutex mutex_;
+  std::map<std::string, Named> named_ GUARDED(mutex_);
+  ByHash<const SceneAsset> by_hash_ GUARDED(mutex_);
+  std::vector<KeptUpload> kept_uploads_ GUARDED(mutex_);  // oldest first
+  ByHash<const std::string> uploaded_bytes_ GUARDED(mutex_);
+  std::map<std::string, KeptFile> kept_files_ GUARDED(mutex_);  // by path
 };
 
 }  // namespace sightline

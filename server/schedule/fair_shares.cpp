@@ -37,7 +37,7 @@ size_t FairShares::place_of(const std::string& client) {
 }
 
 FairShares::Slot FairShares::join(const std::string& client) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const size_t place = place_of(client);
   ++clients_[place].sessions;
   if (free_.empty()) {
@@ -51,14 +51,14 @@ FairShares::Slot FairShares::join(const std::string& client) {
 }
 
 void FairShares::leave(Slot slot) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   demands_[slot].taken = false;
   --clients_[demands_[slot].client].sessions;
   free_.push_back(slot);
 }
 
 double FairShares::report(Slot slot, double demand, bool late, int64_t now_ns) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   Client& client = clients_[demands_[slot].client];
   (client.greedy ? client.estimate : estimate_).count(late);
   demands_[slot].threads = demand;

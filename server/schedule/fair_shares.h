@@ -14,10 +14,11 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
-#include <mutex>
 #include <span>
 #include <string>
 #include <vector>
+
+#include "server/base/mutex.h"
 
 namespace sightline {
 
@@ -72,21 +73,20 @@ class FairShares {
     Estimate estimate;     // used while it is greedy
     double share = std::numeric_limits<double>::infinity();  // of each of its sessions
   };
-  size_t place_of(const std::string& client);
-  bool counts(const Demand& demand, int64_t now_ns) const;
-  void renew(int64_t now_ns);
-  double sum_demands(int64_t now_ns);
-  double share_within(size_t client, double room, int64_t now_ns);
+  size_t place_of(const std::string& client) NEEDS(mutex_);
+  bool counts(const Demand& demand, int64_t now_ns) const NEEDS(mutex_);
+  void renew(int64_t now_ns) NEEDS(mutex_);
+  double sum_demands(int64_t now_ns) NEEDS(mutex_);
+  double share_within(size_t client, double room, int64_t now_ns) NEEDS(mutex_);
 
   const double capacity_;
-  std::mutex mutex_;
-  // Guarded by mutex_.
-  Estimate estimate_;  // of all clients that are not greedy
-  std::vector<Demand> demands_;
-  std::vector<Slot> free_;
-  std::vector<Client> clients_;
-  std::vector<double> scratch_;
-  int64_t renewed_ns_ = std::numeric_limits<int64_t>::min() / 2;
+  Mutex mutex_;
+  Estimate estimate_ GUARDED(mutex_);  // of all clients that are not greedy
+  std::vector<Demand> demands_ GUARDED(mutex_);
+  std::vector<Slot> free_ GUARDED(mutex_);
+  std::vector<Client> clients_ GUARDED(mutex_);
+  std::vector<double> scratch_ GUARDED(mutex_);
+  int64_t renewed_ns_ GUARDED(mutex_) = std::numeric_limits<int64_t>::min() / 2;
 };
 
 }  // namespace sightline

@@ -21,7 +21,7 @@ Scheduler::Scheduler(unsigned threads, SamplerDevice& device, StageClock clock, 
 
 Scheduler::~Scheduler() {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     stopping_ = true;
     queue_.hold_none();  // a thread that waits for a held task would not see the end
   }
@@ -30,7 +30,7 @@ Scheduler::~Scheduler() {
 }
 
 void Scheduler::join(Scheduled& task, const std::string& client) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   queue_.join(task, client);
 }
 
@@ -38,7 +38,7 @@ void Scheduler::join(Scheduled& task, const std::string& client) {
 void Scheduler::post(std::shared_ptr<Scheduled> task, int64_t deadline_ns, bool may_be_long) {
   bool wakes = false;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     Scheduled& scheduled = *task;
     scheduled.self_ = std::move(task);
     queue_.push(scheduled, deadline_ns, may_be_long);
@@ -56,7 +56,7 @@ void Scheduler::run_now(Scheduled& task) {
 bool Scheduler::try_run_now(Scheduled& task, int64_t deadline_ns) {
   Round round;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     const int64_t now_ns = clock_();
     if (best_batch_ > 1 || stopping_ || queue_.ready(now_ns) || running_ >= thread_count_) return false;
     if (queue_.apart(task, now_ns)) return false;
@@ -76,7 +76,7 @@ bool Scheduler::try_run_now(Scheduled& task, int64_t deadline_ns) {
   const int64_t busy_ns = busy_() - before_ns;
   bool wakes = false;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     charge(round);
     queue_.note_elsewhere(task, busy_ns, round.end_ns);
     round.tasks.clear();
@@ -102,7 +102,7 @@ void Scheduler::ends(const Round& round) {
 }
 
 int64_t Scheduler::longest_running_ns() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const auto oldest = std::min_element(running_since_ns_.begin(), running_since_ns_.end());
   if (oldest == running_since_ns_.end() || *oldest == kNotRunning) return 0;
   return std::max<int64_t>(0, clock_() - *oldest);
@@ -116,7 +116,7 @@ void Scheduler::work() {
   ::prctl(PR_SET_NAME, "step");  // for ps and debuggers
   Round round;
   for (;;) {
-    std::unique_lock lock(mutex_);
+    MutexLock lock(mutex_);
     charge(round);
     if (!round.tasks.empty()) {
       ends(round);
@@ -126,7 +126,7 @@ void Scheduler::work() {
       lock.lock();
     }
     ++idle_;
-    wake_.wait(lock, [this] { return (stopping_ && queue_.empty()) || may_run(); });
+    wake_.wait(lock, [this]() NEEDS(mutex_) { return (stopping_ && queue_.empty()) || may_run(); });
     --idle_;
     if (queue_.empty()) return;
     starts(round);

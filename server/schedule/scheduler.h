@@ -6,17 +6,16 @@
 // part of all waiting sessions, up to the best batch.
 #pragma once
 
-#include <condition_variable>
 #include <cstdint>
 #include <exception>
 #include <limits>
 #include <memory>
-#include <mutex>
 #include <span>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "server/base/mutex.h"
 #include "server/base/work_limit.h"
 #include "server/sample/sampler.h"
 #include "server/schedule/deadline_queue.h"
@@ -89,13 +88,13 @@ class Scheduler {
     int64_t end_ns = 0;
     size_t place = 0;  // in running_since_ns_
   };
-  void starts(Round& round);      // needs mutex_
-  void ends(const Round& round);  // needs mutex_
+  void starts(Round& round) NEEDS(mutex_);
+  void ends(const Round& round) NEEDS(mutex_);
   void work();
-  void choose(Round& round);  // needs mutex_
+  void choose(Round& round) NEEDS(mutex_);
   void run(Round& round);
-  void charge(const Round& round);                                                     // needs mutex_
-  bool may_run() const { return running_ < thread_count_ && queue_.ready(clock_()); }  // needs mutex_
+  void charge(const Round& round) NEEDS(mutex_);
+  bool may_run() const NEEDS(mutex_) { return running_ < thread_count_ && queue_.ready(clock_()); }
   int64_t take(Round& round, std::exception_ptr& trouble);
 
   SamplerDevice& device_;
@@ -103,15 +102,15 @@ class Scheduler {
   const size_t best_batch_;
   const unsigned thread_count_;  // the first threads ask for it while the constructor still starts the others
 
-  mutable std::mutex mutex_;
-  std::condition_variable wake_;
-  DeadlineQueue queue_;                    // guarded by mutex_
-  unsigned idle_ = 0;                      // waiting threads; guarded by mutex_
-  size_t running_ = 0;                     // rounds, including those of try_run_now; guarded by mutex_
-  std::vector<int64_t> running_since_ns_;  // one place for each thread; kNotRunning when free; guarded by mutex_
+  mutable Mutex mutex_;
+  ConditionVariable wake_;
+  DeadlineQueue queue_ GUARDED(mutex_);
+  unsigned idle_ GUARDED(mutex_) = 0;                      // waiting threads
+  size_t running_ GUARDED(mutex_) = 0;                     // rounds, including those of try_run_now
+  std::vector<int64_t> running_since_ns_ GUARDED(mutex_);  // one place for each thread; kNotRunning when free
   static constexpr int64_t kNotRunning = std::numeric_limits<int64_t>::max();
-  std::vector<Round> spare_rounds_;   // memory for try_run_now; guarded by mutex_
-  bool stopping_ = false;             // guarded by mutex_
+  std::vector<Round> spare_rounds_ GUARDED(mutex_);  // memory for try_run_now
+  bool stopping_ GUARDED(mutex_) = false;
   std::vector<std::thread> threads_;  // used by the constructor and the destructor alone
 };
 

@@ -67,7 +67,7 @@ void ControlStream::start(const ServiceParts& parts, const ServiceLimits& limits
   const auto stream = std::make_shared<ControlStream>(parts, limits, helpers, loop, std::move(incoming), session_id,
                                                       reader);
   // Once it is registered another thread may drain it, which has to wait until it is complete.
-  const std::lock_guard lock(stream->mutex_);
+  const MutexLock lock(stream->mutex_);
   stream->self_ = stream;
   if (!caller) {
     parts.log.warn("session refused", {{"reason", caller.error().error_message()}});
@@ -113,7 +113,7 @@ ControlStream::ControlStream(const ServiceParts& parts, const ServiceLimits& lim
 void ControlStream::on_read(bool ok) {
   std::shared_ptr<ControlStream> for_loop;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     reading_ = ok ? Reading::kPaused : Reading::kEnded;
     if (ok) parse(parts_.clock());
     if (may_run_on_loop()) {
@@ -149,7 +149,7 @@ void ControlStream::parse_elsewhere(int64_t arrival_ns) {
         } catch (const std::bad_alloc&) {
           parsed = fail(ErrorCode::kResourceExhausted, "message", "the server is out of memory");
         }
-        const std::lock_guard lock(self->mutex_);
+        const MutexLock lock(self->mutex_);
         if (self->finished_) return;
         self->reading_ = Reading::kPaused;
         parsed ? self->take_in(std::move(request), arrival_ns) : self->refuse_message(parsed.error());
@@ -225,7 +225,7 @@ void ControlStream::claim(const v1::ResumeSession& request) {
 }
 
 bool ControlStream::take_session(std::unique_ptr<DetachedSession>& session, const Drainable* holder) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (finished_ || cancelled_ || end_status_ || reading_ != Reading::kResuming) return false;
   if (!session) {
     end_status_ = status_from_error(kNotKept);
@@ -255,7 +255,7 @@ bool ControlStream::take_session(std::unique_ptr<DetachedSession>& session, cons
 }
 
 void ControlStream::give_session_up() {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (finished_) return;  // it is on its way already
   gives_up_ = true;
   // The client may be gone, and the present write would then never end.
@@ -264,7 +264,7 @@ void ControlStream::give_session_up() {
 }
 
 void ControlStream::on_write(bool ok) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   writing_ = false;
   silent_alarms_ = 0;
   outbox_.pop();
@@ -273,7 +273,7 @@ void ControlStream::on_write(bool ok) {
 }
 
 void ControlStream::on_cancel() {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   cancelled_ = true;
   // A session that is kept goes on as if its stream had not broken.
   if (token_.empty()) unwanted_ = true;
@@ -282,7 +282,7 @@ void ControlStream::on_cancel() {
 }
 
 void ControlStream::on_alarm(bool ran_out) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   alarm_set_ = false;
   if (finished_) return;
   if (end_status_) return hurried_ && ran_out ? cancel_call() : hurry();
@@ -320,14 +320,14 @@ void ControlStream::on_done() {
   // A worker may still be leaving `finish` with a reference of its own. The last reference destroys the stream, which
   // must not happen while the lock is held.
   std::shared_ptr<ControlStream> last;
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (freed_at_the_end_) free_session(grpc::Status::OK);
   last = std::move(self_);
 }
 
 // A reaction, or a task of another thread, found no memory. What it had begun is not known, so the session ends.
 void ControlStream::on_no_memory() {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   end_without_memory();
 }
 
@@ -338,7 +338,7 @@ void ControlStream::end_without_memory() {
 }
 
 void ControlStream::drain(const std::string& reason) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (finished_) return;
   // Nobody waits for a file to be read while the server shuts down.
   if (opening_) unwanted_ = true;
@@ -349,7 +349,7 @@ void ControlStream::drain(const std::string& reason) {
 }
 
 void ControlStream::end(const grpc::Status& status) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (!end_status_) end_status_ = status;
   unwanted_ = true;
   advance();
@@ -443,12 +443,12 @@ bool ControlStream::may_run_on_loop() const {
 // reply, and this thread could not read earlier anyway.
 void ControlStream::run_on_loop() {
   if (!parts_.scheduler.try_run_now(*this, due_ns_)) return hand_over();
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   read_if_room();
 }
 
 void ControlStream::hand_over() {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   turn_state_ = TurnState::kOnWorker;
   read_if_room();
   parts_.scheduler.post(self_, due_ns_);
@@ -462,7 +462,7 @@ TakeJob ControlStream::plan() {
 // Opening takes one message, so that the ticks behind it are worked through by the scheduler's threads. A call that has
 // ended while it waited for a worker gets nothing, since scenes may take seconds to read.
 void ControlStream::fill_turn() {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   turn_.messages.clear();
   turn_.spare = outbox_.take_spare();
   turn_.tick_interval_ns = pace_.interval_ns();
@@ -477,7 +477,7 @@ void ControlStream::fill_turn() {
 }
 
 void ControlStream::finish(const TakenMaps& taken) try { end_turn(taken); } catch (const std::bad_alloc&) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   turn_state_ = TurnState::kNone;
   end_without_memory();
 }
@@ -485,7 +485,7 @@ void ControlStream::finish(const TakenMaps& taken) try { end_turn(taken); } catc
 void ControlStream::end_turn(const TakenMaps& taken) {
   const int64_t start_ns = parts_.scheduler.now_ns();
   const bool stepped = driver_->finish(turn_, taken);
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const int64_t end_ns = parts_.scheduler.now_ns();
   const QualityControl::StepTimes times{
       .end_ns = end_ns, .due_ns = due_ns_, .cost_ns = taken.cost_ns + (end_ns - start_ns), .behind = !inbox_.empty()};

@@ -31,10 +31,10 @@
 #include <atomic>
 #include <chrono>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 
+#include "server/base/mutex.h"
 #include "server/gate/access.h"
 #include "server/rpc/call.h"
 #include "server/rpc/timers.h"
@@ -104,26 +104,27 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
   void fill_turn();
   void end_turn(const TakenMaps& taken);
 
-  // These need mutex_.
-  void end_without_memory();
-  void take_in(v1::ControlRequest request, int64_t arrival_ns);
-  void begin(const v1::ControlRequest& request);
-  void note_changes(const v1::Tick& tick);
-  void claim(const v1::ResumeSession& request);
-  void issue_token();
-  void parse(int64_t arrival_ns);
-  void parse_elsewhere(int64_t arrival_ns);
+  // On the thread of the parsers, without mutex_.
   Status parse_large(v1::ControlRequest& request);
-  void refuse_message(const Error& error);
-  void advance();  // starts what comes next
-  void hurry();    // gives the client little time to take what is written, once an end is wanted
-  void set_alarm(std::chrono::milliseconds timeout);
-  void read_if_room();
-  void begin_turn(TurnState where);
-  bool may_run_on_loop() const;
-  void close(const grpc::Status& status);
-  bool detach();
-  void free_session(const grpc::Status& status);
+
+  void end_without_memory() NEEDS(mutex_);
+  void take_in(v1::ControlRequest request, int64_t arrival_ns) NEEDS(mutex_);
+  void begin(const v1::ControlRequest& request) NEEDS(mutex_);
+  void note_changes(const v1::Tick& tick) NEEDS(mutex_);
+  void claim(const v1::ResumeSession& request) NEEDS(mutex_);
+  void issue_token() NEEDS(mutex_);
+  void parse(int64_t arrival_ns) NEEDS(mutex_);
+  void parse_elsewhere(int64_t arrival_ns) NEEDS(mutex_);
+  void refuse_message(const Error& error) NEEDS(mutex_);
+  void advance() NEEDS(mutex_);  // starts what comes next
+  void hurry() NEEDS(mutex_);    // gives the client little time to take what is written, once an end is wanted
+  void set_alarm(std::chrono::milliseconds timeout) NEEDS(mutex_);
+  void read_if_room() NEEDS(mutex_);
+  void begin_turn(TurnState where) NEEDS(mutex_);
+  bool may_run_on_loop() const NEEDS(mutex_);
+  void close(const grpc::Status& status) NEEDS(mutex_);
+  bool detach() NEEDS(mutex_);
+  void free_session(const grpc::Status& status) NEEDS(mutex_);
 
   // Constant after construction.
   const ServiceParts& parts_;
@@ -136,27 +137,28 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
   const size_t max_message_bytes_, max_message_memory_;
   const std::chrono::milliseconds idle_limit_;  // 0: none
 
-  // Used by the turn while there is one, otherwise guarded by mutex_.
+  // Used by the turn while there is one, otherwise under mutex_, which clang cannot check.
   std::unique_ptr<SessionDriver> driver_;  // null: another stream has the session, or may have it
   SessionDriver::Turn turn_;
+  int64_t due_ns_ = 0;  // deadline of the turn
 
-  // Used by gRPC while a read is under way, by a parser while that works, otherwise guarded by mutex_.
+  // Used by gRPC while a read is under way, by a parser while that works, otherwise under mutex_.
   grpc::ByteBuffer bytes_;
 
-  std::mutex mutex_;
-  // Guarded by mutex_.
-  Inbox inbox_;
-  Outbox outbox_;  // its front is used by gRPC while writing_
-  TickPace pace_;
-  Reading reading_ = Reading::kPaused;
-  TurnState turn_state_ = TurnState::kNone;
-  bool writing_ = false;  // a write is under way
-  bool heard_ = false;    // a message has come
+  Mutex mutex_;
+  Inbox inbox_ GUARDED(mutex_);
+  Outbox outbox_ GUARDED(mutex_);  // its front is used by gRPC while writing_
+  TickPace pace_ GUARDED(mutex_);
+  Reading reading_ GUARDED(mutex_) = Reading::kPaused;
+  TurnState turn_state_ GUARDED(mutex_) = TurnState::kNone;
+  bool writing_ GUARDED(mutex_) = false;  // a write is under way
+  bool heard_ GUARDED(mutex_) = false;    // a message has come
   // alarms since the last message, or since the client took the last reply if one is being written
-  int silent_alarms_ = 0;
-  bool alarm_set_ = false;    // an alarm is under way
-  bool opening_ = true;       // no turn has opened the session
-  bool needs_loader_ = true;  // the next turn may take long: it opens the session, or the driver said so
+  int silent_alarms_ GUARDED(mutex_) = 0;
+  bool alarm_set_ GUARDED(mutex_) = false;  // an alarm is under way
+  bool opening_ GUARDED(mutex_) = true;     // no turn has opened the session
+  // the next turn may take long: it opens the session, or the driver said so
+  bool needs_loader_ GUARDED(mutex_) = true;
   // What messages have changed since the last step, as far as the steps before say nothing of how long the next takes.
   struct Changes {
     bool may_be_long = false;  // it may take far longer than any of them
@@ -165,23 +167,22 @@ class ControlStream final : public ControlCall, public ResumableStream, public S
       may_be_long = may_be_long || more.may_be_long, not_only_poses = not_only_poses || more.not_only_poses;
     }
   };
-  Changes changes_, changes_of_turn_;
-  int targets_ = 0;     // of the newest message that lists them
-  int64_t due_ns_ = 0;  // deadline of the turn
+  Changes changes_ GUARDED(mutex_), changes_of_turn_ GUARDED(mutex_);
+  int targets_ GUARDED(mutex_) = 0;  // of the newest message that lists them
   // Resuming.
-  std::optional<Admission> only_resumes_;  // why the stream has no place for a session of its own
-  bool resumable_ = false;                 // the client asked for it
-  std::string token_;                      // of the session; empty: it ends with the stream
-  uint64_t answered_ = 0;                  // of the session to resume: its client has the answer to this tick
-  bool gives_up_ = false;                  // another stream resumes the session
+  std::optional<Admission> only_resumes_ GUARDED(mutex_);  // why the stream has no place for a session of its own
+  bool resumable_ GUARDED(mutex_) = false;                 // the client asked for it
+  std::string token_ GUARDED(mutex_);                      // of the session; empty: it ends with the stream
+  uint64_t answered_ GUARDED(mutex_) = 0;  // of the session to resume: its client has the answer to this tick
+  bool gives_up_ GUARDED(mutex_) = false;  // another stream resumes the session
   // How the call ends.
-  bool cancelled_ = false;                  // at once
-  std::atomic<bool> unwanted_{false};       // what it loads; set under mutex_, asked without
-  std::optional<grpc::Status> end_status_;  // with this status, once outbox_ is written
-  bool hurried_ = false;                    // the last alarm has begun; then the call is cancelled
-  bool finished_ = false;                   // `finish_call` was called
-  bool freed_at_the_end_ = false;           // the call is finished and the session is not freed so far
-  std::shared_ptr<ControlStream> self_;     // from the start until on_done
+  bool cancelled_ GUARDED(mutex_) = false;                  // at once
+  std::atomic<bool> unwanted_{false};                       // what it loads; set under mutex_, asked without
+  std::optional<grpc::Status> end_status_ GUARDED(mutex_);  // with this status, once outbox_ is written
+  bool hurried_ GUARDED(mutex_) = false;                    // the last alarm has begun; then the call is cancelled
+  bool finished_ GUARDED(mutex_) = false;                   // `finish_call` was called
+  bool freed_at_the_end_ GUARDED(mutex_) = false;           // the call is finished and the session is not freed so far
+  std::shared_ptr<ControlStream> self_ GUARDED(mutex_);     // from the start until on_done
 };
 
 }  // namespace sightline

@@ -3,19 +3,19 @@
 namespace sightline {
 
 void DaemonState::enter(Phase phase) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   phase_ = phase;
 }
 
 bool DaemonState::set_hanging(const std::vector<std::string>& names) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const bool changed = names != hanging_;
   hanging_ = names;
   return changed;
 }
 
 std::vector<std::string> DaemonState::hanging() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return hanging_;
 }
 
@@ -26,12 +26,12 @@ std::string DaemonState::hanging_text() const {
 }
 
 std::string DaemonState::why_not_alive() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return hanging_text();
 }
 
 std::string DaemonState::why_not_ready() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (phase_ == Phase::kStarting) return "the daemon is starting";
   if (phase_ == Phase::kStopping) return "the daemon is stopping";
   return hanging_text();

@@ -1,9 +1,10 @@
 // Whether the daemon is alive, and whether it is ready for sessions.
 #pragma once
 
-#include <mutex>
 #include <string>
 #include <vector>
+
+#include "server/base/mutex.h"
 
 namespace sightline {
 
@@ -24,12 +25,11 @@ class DaemonState {
   std::string why_not_alive() const;
 
  private:
-  std::string hanging_text() const;  // needs mutex_
+  std::string hanging_text() const NEEDS(mutex_);
 
-  mutable std::mutex mutex_;
-  // Guarded by mutex_.
-  Phase phase_ = Phase::kStarting;
-  std::vector<std::string> hanging_;
+  mutable Mutex mutex_;
+  Phase phase_ GUARDED(mutex_) = Phase::kStarting;
+  std::vector<std::string> hanging_ GUARDED(mutex_);
 };
 
 }  // namespace sightline

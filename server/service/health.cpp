@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "server/base/mutex.h"
 #include "server/rpc/call.h"
 
 namespace sightline {
@@ -44,18 +45,18 @@ class HealthService::Watcher final : public WatchCall {
 
   // Writes the current state if it has changed. From any thread.
   void update() {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     advance();
   }
   void end() {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     ending_ = true;
     advance();
   }
 
  private:
   void on_write(bool ok) override {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     writing_ = false;
     ending_ = ending_ || !ok;
     advance();
@@ -63,7 +64,7 @@ class HealthService::Watcher final : public WatchCall {
   void on_cancel() override { end(); }
   void on_done() override { service_.remove(this); }
 
-  void advance() {
+  void advance() NEEDS(mutex_) {
     if (writing_ || finished_) return;
     if (ending_) {
       finished_ = true;
@@ -78,10 +79,10 @@ class HealthService::Watcher final : public WatchCall {
 
   HealthService& service_;
   const std::string client_;
-  std::mutex mutex_;  // taken before the service's
-  // Guarded by mutex_.
-  HealthCheckResponse message_;
-  bool has_written_ = false, writing_ = false, ending_ = false, finished_ = false;
+  Mutex mutex_;  // taken before the service's
+  HealthCheckResponse message_ GUARDED(mutex_);
+  bool has_written_ GUARDED(mutex_) = false, writing_ GUARDED(mutex_) = false;
+  bool ending_ GUARDED(mutex_) = false, finished_ GUARDED(mutex_) = false;
 };
 
 // A call of Watch that gets no more than a status.
@@ -132,7 +133,7 @@ std::optional<grpc::Status> HealthService::refusal(const std::string& service, c
   if (service.size() > kLongestName)
     return grpc::Status(grpc::StatusCode::INVALID_ARGUMENT,
                         "service: has more than " + std::to_string(kLongestName) + " bytes");
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const auto own = of_client_.find(client);
   const size_t most_of_client = most_watches_ - most_watches_ / 4;
   if (watchers_.size() < most_watches_ && (own == of_client_.end() || own->second < most_of_client))
@@ -144,7 +145,7 @@ std::optional<grpc::Status> HealthService::refusal(const std::string& service, c
 void HealthService::admit(const std::shared_ptr<Watcher>& watcher) {
   bool ended = false;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     watchers_.emplace(watcher.get(), watcher);
     ++of_client_[watcher->client()];
     ended = ended_;
@@ -155,7 +156,7 @@ void HealthService::admit(const std::shared_ptr<Watcher>& watcher) {
 void HealthService::set(const std::string& service, bool serving) {
   std::vector<std::shared_ptr<Watcher>> watchers;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     serving_[service] = serving;
     watchers = this->watchers();
   }
@@ -165,7 +166,7 @@ void HealthService::set(const std::string& service, bool serving) {
 void HealthService::end_watches() {
   std::vector<std::shared_ptr<Watcher>> watchers;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     ended_ = true;
     watchers = this->watchers();
   }
@@ -181,7 +182,7 @@ std::vector<std::shared_ptr<HealthService::Watcher>> HealthService::watchers() c
 // The map may hold the last reference to the watcher, which must not be destroyed under the lock.
 void HealthService::remove(const Watcher* watcher) {
   std::shared_ptr<Watcher> removed;
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const auto at = watchers_.find(watcher);
   if (at == watchers_.end()) return;
   removed = std::move(at->second);
@@ -191,7 +192,7 @@ void HealthService::remove(const Watcher* watcher) {
 }
 
 HealthService::Serving HealthService::status_of(const std::string& service) const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const auto found = serving_.find(service);
   return found == serving_.end() ? HealthCheckResponse::SERVICE_UNKNOWN : to_status(found->second);
 }

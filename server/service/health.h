@@ -9,7 +9,6 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <unordered_map>
@@ -20,6 +19,7 @@
 #include <grpcpp/support/status.h>
 
 #include "grpc/health/v1/health.grpc.pb.h"
+#include "server/base/mutex.h"
 #include "server/rpc/event_loop.h"
 
 namespace sightline {
@@ -59,18 +59,17 @@ class HealthService final : public grpc::health::v1::Health::AsyncService {
   Serving status_of(const std::string& service) const;
   std::optional<grpc::Status> refusal(const std::string& service, const std::string& client);
   void admit(const std::shared_ptr<Watcher>& watcher);
-  std::vector<std::shared_ptr<Watcher>> watchers() const;  // needs mutex_
+  std::vector<std::shared_ptr<Watcher>> watchers() const NEEDS(mutex_);
   void remove(const Watcher* watcher);
 
   size_t most_watches_ = 512;
   ClientOf client_of_ = [](const grpc::ServerContext& context) { return context.peer(); };
   std::function<void()> refused_ = [] {};
-  mutable std::mutex mutex_;
-  // Guarded by mutex_.
-  std::map<std::string, bool> serving_;
-  std::unordered_map<const Watcher*, std::shared_ptr<Watcher>> watchers_;
-  std::unordered_map<std::string, size_t> of_client_;  // how many of them
-  bool ended_ = false;
+  mutable Mutex mutex_;
+  std::map<std::string, bool> serving_ GUARDED(mutex_);
+  std::unordered_map<const Watcher*, std::shared_ptr<Watcher>> watchers_ GUARDED(mutex_);
+  std::unordered_map<std::string, size_t> of_client_ GUARDED(mutex_);  // how many of them
+  bool ended_ GUARDED(mutex_) = false;
 };
 
 }  // namespace sightline

@@ -57,7 +57,7 @@ KeptSessions::KeptSessions(std::chrono::milliseconds grace, StreamRegistry& stre
 
 KeptSessions::~KeptSessions() {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     stopping_ = true;
   }
   wake_.notify_all();
@@ -74,7 +74,7 @@ std::string KeptSessions::issue(const std::string& client, const std::shared_ptr
   fill_at_random(entry.secret.data(), entry.secret.size());
   entry.client = client;
   entry.stream = stream;
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const uint64_t number = ++last_number_;
   std::string token(kNumberBytes + entry.secret.size(), '\0');
   std::memcpy(token.data(), &number, kNumberBytes);
@@ -94,7 +94,7 @@ KeptSessions::Entries::iterator KeptSessions::find(const std::string& token, con
 bool KeptSessions::keep(const Drainable* stream, std::unique_ptr<DetachedSession>& session) {
   uint64_t number = 0;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     const auto entry = find(session->token, nullptr);
     if (entry == entries_.end()) return false;
     number = entry->first;
@@ -107,7 +107,7 @@ bool KeptSessions::pass_on(uint64_t number, std::unique_ptr<DetachedSession>& se
   for (;;) {
     std::shared_ptr<ResumableStream> claimant;
     {
-      const std::lock_guard lock(mutex_);
+      const MutexLock lock(mutex_);
       Entry& entry = entries_.at(number);
       claimant = std::exchange(entry.claimant, {}).lock();
       if (!claimant) return false;
@@ -127,7 +127,7 @@ bool KeptSessions::pass_on(uint64_t number, std::unique_ptr<DetachedSession>& se
 // Keeps the session in the place of `holder`, which may be its own already. False: the server drains.
 bool KeptSessions::put_away(uint64_t number, std::unique_ptr<DetachedSession>& session, const Drainable* holder,
                             std::shared_ptr<Place> place, Time expires) {
-  std::unique_lock lock(mutex_);
+  MutexLock lock(mutex_);
   // A stream may have come for it since `pass_on` returned.
   while (!entries_.at(number).claimant.expired()) {
     lock.unlock();
@@ -158,7 +158,7 @@ void KeptSessions::deny(ResumableStream& claimant) {
 void KeptSessions::forget(const std::string& token) {
   std::shared_ptr<ResumableStream> claimant;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     const auto entry = find(token, nullptr);
     if (entry == entries_.end()) return;
     claimant = entry->second.claimant.lock();
@@ -175,7 +175,7 @@ void KeptSessions::claim(const std::string& token, const std::string& client,
   Time expires{};
   uint64_t number = 0;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     const auto found = find(token, &client);
     if (found != entries_.end()) {
       Entry& entry = found->second;
@@ -197,7 +197,7 @@ void KeptSessions::end(uint64_t number, const grpc::Status& status) {
   std::unique_ptr<DetachedSession> session;
   std::shared_ptr<Place> place;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     const auto entry = entries_.find(number);
     if (entry == entries_.end() || !entry->second.session) return;
     session = std::move(entry->second.session);
@@ -217,7 +217,7 @@ std::optional<KeptSessions::Time> KeptSessions::first_to_expire() const {
 }
 
 void KeptSessions::end_those_that_expire() {
-  std::unique_lock lock(mutex_);
+  MutexLock lock(mutex_);
   while (!stopping_) {
     const std::optional<Time> first = first_to_expire();
     first ? (void)wake_.wait_until(lock, *first) : wake_.wait(lock);

@@ -14,16 +14,15 @@
 
 #include <array>
 #include <chrono>
-#include <condition_variable>
 #include <cstdint>
 #include <deque>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
 
+#include "server/base/mutex.h"
 #include "server/schedule/step_stats.h"
 #include "server/schedule/tick_pace.h"
 #include "server/service/log.h"
@@ -95,10 +94,10 @@ class KeptSessions {
   bool put_away(uint64_t number, std::unique_ptr<DetachedSession>& session, const Drainable* holder,
                 std::shared_ptr<Place> place, Time expires);
   void deny(ResumableStream& claimant);
-  Entries::iterator find(const std::string& token, const std::string* client);  // needs mutex_
+  Entries::iterator find(const std::string& token, const std::string* client) NEEDS(mutex_);
   void end(uint64_t number, const grpc::Status& status);
   void end_those_that_expire();
-  std::optional<Time> first_to_expire() const;  // needs mutex_
+  std::optional<Time> first_to_expire() const NEEDS(mutex_);
 
   // Constant after construction.
   const std::chrono::milliseconds grace_;
@@ -106,12 +105,11 @@ class KeptSessions {
   StepStats& stats_;
   const Log& log_;
 
-  std::mutex mutex_;
-  std::condition_variable wake_;
-  // Guarded by mutex_.
-  Entries entries_;
-  uint64_t last_number_ = 0;
-  bool stopping_ = false;
+  Mutex mutex_;
+  ConditionVariable wake_;
+  Entries entries_ GUARDED(mutex_);
+  uint64_t last_number_ GUARDED(mutex_) = 0;
+  bool stopping_ GUARDED(mutex_) = false;
 
   std::thread thread_;  // ends those that expire
 };

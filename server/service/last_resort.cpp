@@ -6,6 +6,8 @@
 #include <system_error>
 #include <utility>
 
+#include "server/base/mutex.h"
+
 namespace sightline {
 namespace {
 
@@ -14,14 +16,14 @@ using std::chrono::steady_clock;
 // Returns when the rescue is over, or when its time is. Its thread may outlive the call.
 void rescue_in_time(std::function<void()> rescue, LastResort::Duration time) {
   struct Shared {
-    std::mutex mutex;
-    std::condition_variable changed;
-    bool done = false;
+    Mutex mutex;
+    ConditionVariable changed;
+    bool done GUARDED(mutex) = false;
   };
   const auto shared = std::make_shared<Shared>();
   const auto work = [shared, rescue = std::move(rescue)] {
     rescue();
-    const std::lock_guard lock(shared->mutex);
+    const MutexLock lock(shared->mutex);
     shared->done = true;
     shared->changed.notify_all();
   };
@@ -30,8 +32,8 @@ void rescue_in_time(std::function<void()> rescue, LastResort::Duration time) {
   } catch (const std::system_error&) {
     work();  // the system has no further thread
   }
-  std::unique_lock lock(shared->mutex);
-  shared->changed.wait_for(lock, time, [&] { return shared->done; });
+  MutexLock lock(shared->mutex);
+  shared->changed.wait_for(lock, time, [&]() NEEDS(shared->mutex) { return shared->done; });
 }
 
 }  // namespace
@@ -41,7 +43,7 @@ LastResort::LastResort(std::function<void()> end, Duration rescue_time)
 
 LastResort::~LastResort() {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     stopping_ = true;
   }
   changed_.notify_all();
@@ -49,7 +51,7 @@ LastResort::~LastResort() {
 }
 
 void LastResort::arm(Duration after, std::function<void()> rescue) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   deadline_ = steady_clock::now() + after;
   rescue_ = std::move(rescue);
   changed_.notify_all();
@@ -57,7 +59,7 @@ void LastResort::arm(Duration after, std::function<void()> rescue) {
 
 void LastResort::run() {
   ::prctl(PR_SET_NAME, "last-resort");  // for ps and debuggers
-  std::unique_lock lock(mutex_);
+  MutexLock lock(mutex_);
   while (!stopping_) {
     if (!deadline_) {
       changed_.wait(lock);

@@ -5,11 +5,11 @@
 #pragma once
 
 #include <chrono>
-#include <condition_variable>
 #include <functional>
-#include <mutex>
 #include <optional>
 #include <thread>
+
+#include "server/base/mutex.h"
 
 namespace sightline {
 
@@ -35,12 +35,11 @@ class LastResort {
 
   const std::function<void()> end_;
   const Duration rescue_time_;
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  // Guarded by mutex_.
-  std::optional<std::chrono::steady_clock::time_point> deadline_;
-  std::function<void()> rescue_;
-  bool stopping_ = false;
+  Mutex mutex_;
+  ConditionVariable changed_;
+  std::optional<std::chrono::steady_clock::time_point> deadline_ GUARDED(mutex_);
+  std::function<void()> rescue_ GUARDED(mutex_);
+  bool stopping_ GUARDED(mutex_) = false;
 
   std::thread thread_;
 };

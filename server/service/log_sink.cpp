@@ -5,10 +5,11 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <condition_variable>
 #include <deque>
 #include <string>
 #include <utility>
+
+#include "server/base/mutex.h"
 
 namespace sightline {
 namespace {
@@ -24,20 +25,19 @@ constexpr int kPollMs = 100;
 
 struct PatientSink::Queue {
   const int fd;
-  std::mutex mutex;
-  std::condition_variable changed;
-  // Guarded by mutex.
-  std::deque<std::string> lines;
-  size_t bytes = 0;
-  uint64_t dropped = 0;
-  bool stopping = false, done = false;
-  steady_clock::time_point end{};
+  Mutex mutex;
+  ConditionVariable changed;
+  std::deque<std::string> lines GUARDED(mutex);
+  size_t bytes GUARDED(mutex) = 0;
+  uint64_t dropped GUARDED(mutex) = 0;
+  bool stopping GUARDED(mutex) = false, done GUARDED(mutex) = false;
+  steady_clock::time_point end GUARDED(mutex){};
 
   explicit Queue(int to) : fd(to) {}
 
   // False when the thread should give up.
   bool may_go_on() {
-    const std::lock_guard lock(mutex);
+    const MutexLock lock(mutex);
     return !stopping || steady_clock::now() < end;
   }
 
@@ -55,9 +55,9 @@ struct PatientSink::Queue {
   }
 
   void run() {
-    std::unique_lock lock(mutex);
+    MutexLock lock(mutex);
     for (;;) {
-      changed.wait(lock, [this] { return stopping || !lines.empty(); });
+      changed.wait(lock, [this]() NEEDS(mutex) { return stopping || !lines.empty(); });
       if (lines.empty()) break;
       const std::string line = std::move(lines.front());
       lines.pop_front();
@@ -76,12 +76,13 @@ PatientSink::PatientSink(int fd, DropNote note)
     : note_(std::move(note)), queue_(std::make_shared<Queue>(fd)), thread_([queue = queue_] { queue->run(); }) {}
 
 PatientSink::~PatientSink() {
-  std::unique_lock lock(queue_->mutex);
+  MutexLock lock(queue_->mutex);
   queue_->stopping = true;
   queue_->end = steady_clock::now() + kFarewell;
   queue_->changed.notify_all();
   // The thread may be in a write that never ends, in spite of `poll`, when other processes write to the same pipe.
-  const bool ended = queue_->changed.wait_for(lock, 2 * kFarewell, [this] { return queue_->done; });
+  const bool ended = queue_->changed.wait_for(lock, 2 * kFarewell,
+                                              [this]() NEEDS(queue_->mutex) { return queue_->done; });
   lock.unlock();
   ended ? thread_.join() : thread_.detach();
 }
@@ -92,7 +93,7 @@ void PatientSink::sink_it_(const spdlog::details::log_msg& message) {
   spdlog::memory_buf_t text;
   uint64_t dropped = 0;
   {
-    const std::lock_guard lock(queue_->mutex);
+    const MutexLock lock(queue_->mutex);
     if (refused || queue_->bytes >= kMostWaitingBytes) {
       ++queue_->dropped;
       return;
@@ -110,7 +111,7 @@ void PatientSink::sink_it_(const spdlog::details::log_msg& message) {
     append({message.logger_name, spdlog::level::warn, note});
   }
   append(message);
-  const std::lock_guard lock(queue_->mutex);
+  const MutexLock lock(queue_->mutex);
   queue_->bytes += lines.size();
   queue_->lines.push_back(std::move(lines));
   queue_->changed.notify_one();

@@ -8,8 +8,9 @@
 #include <cstddef>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <string>
+
+#include "server/base/mutex.h"
 
 namespace sightline {
 
@@ -42,7 +43,7 @@ class MessageMemory {
 
   // The share of a client, by its name; the same one for all its streams.
   std::shared_ptr<Share> of(const std::string& client) {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     std::erase_if(shares_, [](const auto& entry) { return entry.second.expired(); });
     std::weak_ptr<Share>& known = shares_[client];
     std::shared_ptr<Share> share = known.lock();
@@ -54,8 +55,8 @@ class MessageMemory {
  private:
   const size_t max_bytes_;
   std::atomic<size_t> bytes_{0};
-  std::mutex mutex_;
-  std::map<std::string, std::weak_ptr<Share>> shares_;  // by client; guarded by mutex_
+  Mutex mutex_;
+  std::map<std::string, std::weak_ptr<Share>> shares_ GUARDED(mutex_);  // by client
 };
 
 }  // namespace sightline

@@ -12,7 +12,7 @@ ReadTimeout::~ReadTimeout() {
 void ReadTimeout::begin() {
   const uint64_t turn = take_turn();
   timer_ = timers_.start(timeout_, [state = state_, context = &context_, turn] {
-    const std::lock_guard lock(state->mutex);
+    const MutexLock lock(state->mutex);
     if (state->turns != turn) return;
     state->ran_out = true;
     context->TryCancel();
@@ -26,12 +26,12 @@ void ReadTimeout::end() {
 }
 
 uint64_t ReadTimeout::take_turn() {
-  const std::lock_guard lock(state_->mutex);
+  const MutexLock lock(state_->mutex);
   return ++state_->turns;
 }
 
 bool ReadTimeout::ran_out() const {
-  const std::lock_guard lock(state_->mutex);
+  const MutexLock lock(state_->mutex);
   return state_->ran_out;
 }
 

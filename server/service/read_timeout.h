@@ -6,9 +6,9 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
-#include <mutex>
 #include <optional>
 
+#include "server/base/mutex.h"
 #include "server/rpc/timers.h"
 
 namespace sightline {
@@ -31,10 +31,9 @@ class ReadTimeout {
  private:
   // Shared with the timer, which can run out while it is being stopped.
   struct State {
-    std::mutex mutex;
-    // Guarded by mutex.
-    uint64_t turns = 0;  // number of starts and stops; a timer of an older turn is ignored
-    bool ran_out = false;
+    Mutex mutex;
+    uint64_t turns GUARDED(mutex) = 0;  // number of starts and stops; a timer of an older turn is ignored
+    bool ran_out GUARDED(mutex) = false;
   };
 
   uint64_t take_turn();

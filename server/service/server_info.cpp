@@ -98,7 +98,9 @@ void get_server_stats(const ServiceParts& parts, const Callers& callers, v1::Get
     limit.set_count(count);
   }
   camera_figures_to_proto(parts.sessions.sums(), *stats.mutable_cameras());
-  stats.set_blind_sessions(static_cast<uint32_t>(parts.sessions.now().blind));
+  const SessionTable::Now now = parts.sessions.now(parts.clock());
+  stats.set_blind_sessions(static_cast<uint32_t>(now.blind));
+  stats.set_longest_blind_s(now.longest_blind_s);
   const ProcessFigures process = process_figures();
   stats.set_uptime_s(process.uptime_s);
   stats.set_resident_bytes(process.resident_bytes);

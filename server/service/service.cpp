@@ -79,13 +79,12 @@ grpc::Status CameraControlService::GetServerStats(grpc::ServerContext* context, 
   });
 }
 
-grpc::Status CameraControlService::ListSessions(grpc::ServerContext* context, const v1::ListSessionsRequest*,
+grpc::Status CameraControlService::ListSessions(grpc::ServerContext* context, const v1::ListSessionsRequest* request,
                                                 v1::ListSessionsResponse* response) {
   return guarded(parts_.log, "ListSessions", [&] {
     const auto caller = callers_.identify(*context, Need::kObserve);
-    if (!caller) return caller.error();
-    list_sessions(parts_.sessions, parts_.clock(), *response);
-    return grpc::Status::OK;
+    return caller ? list_sessions(parts_.sessions, parts_.id_prefix, parts_.clock(), *request, *response)
+                  : caller.error();
   });
 }
 

@@ -24,7 +24,7 @@ std::string mib(size_t bytes) {
 
 InstanceMemory::Answer InstanceMemory::change(const std::string& client, size_t former, size_t now) {
   if (now == former) return Answer::kDone;
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (now < former) {
     bytes_ -= former - now;
     const auto its = clients_.find(client);

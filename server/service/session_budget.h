@@ -4,12 +4,12 @@
 
 #include <cstddef>
 #include <map>
-#include <mutex>
 #include <span>
 #include <string>
 #include <utility>
 
 #include "server/base/error.h"
+#include "server/base/mutex.h"
 #include "server/scene/target.h"
 #include "server/schedule/limit_counts.h"
 #include "server/settings/step_settings.h"
@@ -38,10 +38,9 @@ class InstanceMemory {
 
  private:
   const size_t max_bytes_, max_client_bytes_;
-  std::mutex mutex_;
-  // Guarded by mutex_.
-  size_t bytes_ = 0;
-  std::map<std::string, size_t> clients_;  // those that have any
+  Mutex mutex_;
+  size_t bytes_ GUARDED(mutex_) = 0;
+  std::map<std::string, size_t> clients_ GUARDED(mutex_);  // those that have any
 };
 
 // Counts the instances, the shapes and the state of one session in both limits until it is destroyed.

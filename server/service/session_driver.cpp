@@ -293,15 +293,16 @@ void SessionDriver::answer(Turn& turn, const Status& taken) {
     return reject(turn, error, sequence);
   }
   merged_ = answer->merged_ticks > std::exchange(merges_asked_, 0);
+  const int64_t reply_ns = parts_.clock();
   counters_.step({.degraded = answer->degraded.has_value(),
                   .quality_level = answer->quality_level,
                   .merged_ticks = answer->merged_ticks,
                   .arrival_ns = newest_arrival_ns_,
-                  .reply_ns = parts_.clock(),
+                  .reply_ns = reply_ns,
                   .queue_ns = answer->queue_ns,
                   .scene_ns = answer->scene_ns,
                   .stage_ns = answer->step.stage_ns});
-  place_->add(*answer, session_->targets());
+  place_->add(*answer, session_->targets(), reply_ns);
   v1::CameraReply& reply = *turn.replies.emplace_back(std::move(turn.spare)).mutable_camera();
   camera_reply_to_proto(*answer, *session_, session_->diagnostics(), reply);
   recording_.reply(reply);

@@ -50,53 +50,64 @@ CameraSums& CameraSums::operator+=(const CameraSums& other) {
   return *this;
 }
 
-void SessionTable::Place::add(const SessionAnswer& answer, const std::vector<Target>& targets) {
-  table_.add(*row_, answer, sums_of(answer, targets));
+void SessionTable::Place::add(const SessionAnswer& answer, const std::vector<Target>& targets, int64_t now_ns) {
+  table_.add(*row_, answer, sums_of(answer, targets), now_ns);
 }
 
 std::unique_ptr<SessionTable::Place> SessionTable::open(std::string id, std::string label, std::string client,
                                                         int64_t now_ns) {
   // The place is made first, so that no row stays behind where memory has run out.
   Rows one;
-  one.push_back({.id = std::move(id), .label = std::move(label), .client = std::move(client), .opened_ns = now_ns});
+  one.push_back({.id = std::move(id),
+                 .label = std::move(label),
+                 .client = std::move(client),
+                 .opened_ns = now_ns,
+                 .moved_ns = now_ns});
   auto place = std::make_unique<Place>(*this, one.begin());
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
+  one.front().number = ++opened_;
   rows_.splice(rows_.end(), one);
   return place;
 }
 
-void SessionTable::add(SessionRow& row, const SessionAnswer& answer, const CameraSums& of_step) {
-  const std::lock_guard lock(mutex_);
+void SessionTable::add(SessionRow& row, const SessionAnswer& answer, const CameraSums& of_step, int64_t now_ns) {
+  const MutexLock lock(mutex_);
   ++row.steps;
   row.quality_level = answer.quality_level;
   row.status = answer.step.status;
   row.blind_s = is_blind(row.status) ? row.blind_s + answer.moved_s : 0.0;
+  if (answer.moved_s > 0) row.moved_ns = now_ns;
   row.sums += of_step;
   sums_ += of_step;
 }
 
 void SessionTable::erase(Rows::iterator row) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   rows_.erase(row);
 }
 
-std::vector<SessionRow> SessionTable::rows() const {
-  const std::lock_guard lock(mutex_);
-  return {rows_.begin(), rows_.end()};
+std::vector<SessionRow> SessionTable::rows(uint64_t after, size_t at_most) const {
+  const MutexLock lock(mutex_);
+  const auto first = std::ranges::find_if(rows_, [&](const SessionRow& row) { return row.number > after; });
+  std::vector<SessionRow> rows;
+  for (auto row = first; row != rows_.end() && rows.size() < at_most; ++row) rows.push_back(*row);
+  return rows;
 }
 
 CameraSums SessionTable::sums() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return sums_;
 }
 
-SessionTable::Now SessionTable::now() const {
-  const std::lock_guard lock(mutex_);
+SessionTable::Now SessionTable::now(int64_t now_ns) const {
+  const MutexLock lock(mutex_);
   Now now;
   for (const SessionRow& row : rows_) {
     if (row.steps == 0) continue;
     ++now.by_status[static_cast<size_t>(row.status)];
     now.blind += row.blind_s >= kLongBlindS;
+    const double stood_still_s = static_cast<double>(now_ns - row.moved_ns) * 1e-9;
+    if (stood_still_s < kStandsStillS) now.longest_blind_s = std::max(now.longest_blind_s, row.blind_s);
   }
   return now;
 }

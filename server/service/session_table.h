@@ -10,10 +10,10 @@
 #include <cstdint>
 #include <list>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <vector>
 
+#include "server/base/mutex.h"
 #include "server/session/session.h"
 
 namespace sightline {
@@ -38,7 +38,9 @@ struct CameraSums {
 // One open session, as a row of the table.
 struct SessionRow {
   std::string id, label, client;
+  uint64_t number = 0;    // in the order of the openings, from 1
   int64_t opened_ns = 0;  // by the clock of the steps
+  int64_t moved_ns = 0;   // by the same clock: when a step last took the game on, or the opening
   uint64_t steps = 0;
   int quality_level = 0;                             // of the last step
   TrackingStatus status = TrackingStatus::kHolding;  // of the last step
@@ -59,8 +61,9 @@ class SessionTable {
     Place(const Place&) = delete;
     Place& operator=(const Place&) = delete;
 
-    // Takes note of a step. `targets` are those of its answer, in the same order.
-    void add(const SessionAnswer& answer, const std::vector<Target>& targets);
+    // Takes note of a step. `targets` are those of its answer, in the same order. `now_ns` is by the clock of the
+    // steps.
+    void add(const SessionAnswer& answer, const std::vector<Target>& targets, int64_t now_ns);
 
    private:
     SessionTable& table_;
@@ -69,27 +72,31 @@ class SessionTable {
 
   std::unique_ptr<Place> open(std::string id, std::string label, std::string client, int64_t now_ns);
 
-  // In the order of their opening.
-  std::vector<SessionRow> rows() const;
+  // Sessions in the order of their opening, at most so many, and only those with a number greater than `after`.
+  std::vector<SessionRow> rows(uint64_t after = 0, size_t at_most = SIZE_MAX) const;
   // Of all sessions since the start, those that have ended included.
   CameraSums sums() const;
   struct Now {
     // Open sessions that have had a step, by the status of the last one.
     std::array<uint64_t, kTrackingStatuses> by_status{};
     uint64_t blind = 0;  // those that have been blind for kLongBlindS or longer
+    // The longest time for which one of them has been blind. A session whose game has stood still for kStandsStillS has
+    // no part in it: its blind time does not grow, and would hide the others' times.
+    double longest_blind_s = 0.0;
   };
-  Now now() const;
+  Now now(int64_t now_ns) const;
 
   static constexpr double kLongBlindS = 2.0;
+  static constexpr double kStandsStillS = 5.0;  // of the steps' clock, without a step that takes the game on
 
  private:
-  void add(SessionRow& row, const SessionAnswer& answer, const CameraSums& of_step);
+  void add(SessionRow& row, const SessionAnswer& answer, const CameraSums& of_step, int64_t now_ns);
   void erase(Rows::iterator row);
 
-  mutable std::mutex mutex_;
-  // Guarded by mutex_.
-  Rows rows_;
-  CameraSums sums_;
+  mutable Mutex mutex_;
+  Rows rows_ GUARDED(mutex_);
+  uint64_t opened_ GUARDED(mutex_) = 0;
+  CameraSums sums_ GUARDED(mutex_);
 };
 
 }  // namespace sightline

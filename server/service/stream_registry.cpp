@@ -31,7 +31,7 @@ void StreamRegistry::erase(Entries::iterator entry) {
 }
 
 Admission StreamRegistry::add(const std::shared_ptr<Drainable>& stream, const std::string& client) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (draining_) return Admission::kDraining;
   if (places_ >= max_streams_) return Admission::kFull;
   const auto own = of_client_.find(client);
@@ -41,7 +41,7 @@ Admission StreamRegistry::add(const std::shared_ptr<Drainable>& stream, const st
 }
 
 bool StreamRegistry::add_waiting(const std::shared_ptr<Drainable>& stream, const std::string& client) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const auto own = of_client_.find(client);
   if (draining_ || own == of_client_.end() || own->second.waiting >= own->second.places) return false;
   insert(stream, client, true);
@@ -49,12 +49,12 @@ bool StreamRegistry::add_waiting(const std::shared_ptr<Drainable>& stream, const
 }
 
 void StreamRegistry::remove(const Drainable* stream) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (const auto entry = streams_.find(stream); entry != streams_.end()) erase(entry);
 }
 
 bool StreamRegistry::move_place(const Drainable* from, const std::shared_ptr<Drainable>& to) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   const auto former = streams_.find(from);
   if (draining_ || former == streams_.end()) return false;
   const std::string client = former->second.client;
@@ -66,7 +66,7 @@ bool StreamRegistry::move_place(const Drainable* from, const std::shared_ptr<Dra
 
 // Returns a copy, so that no stream is called or destroyed under the registry's lock.
 std::vector<std::shared_ptr<Drainable>> StreamRegistry::alive() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   std::vector<std::shared_ptr<Drainable>> streams;
   for (const auto& [address, entry] : streams_) {
     if (std::shared_ptr<Drainable> stream = entry.stream.lock()) streams.push_back(std::move(stream));
@@ -76,7 +76,7 @@ std::vector<std::shared_ptr<Drainable>> StreamRegistry::alive() const {
 
 void StreamRegistry::drain(const std::string& reason) {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     draining_ = true;
   }
   for (const auto& stream : alive()) stream->drain(reason);
@@ -90,7 +90,7 @@ size_t StreamRegistry::end_unless(const std::function<bool(const std::string& cl
                                   const grpc::Status& status) {
   std::vector<std::shared_ptr<Drainable>> ended;
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     for (const auto& [address, entry] : streams_)
       if (!may_stay(entry.client))
         if (std::shared_ptr<Drainable> stream = entry.stream.lock()) ended.push_back(std::move(stream));
@@ -100,7 +100,7 @@ size_t StreamRegistry::end_unless(const std::function<bool(const std::string& cl
 }
 
 size_t StreamRegistry::size() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return places_;
 }
 

@@ -8,9 +8,10 @@
 #include <limits>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <vector>
+
+#include "server/base/mutex.h"
 
 namespace sightline {
 
@@ -70,16 +71,15 @@ class StreamRegistry {
   };
   using Entries = std::map<const Drainable*, Entry>;
 
-  void insert(const std::shared_ptr<Drainable>& stream, const std::string& client, bool waiting);  // needs mutex_
-  void erase(Entries::iterator entry);                                                             // needs mutex_
+  void insert(const std::shared_ptr<Drainable>& stream, const std::string& client, bool waiting) NEEDS(mutex_);
+  void erase(Entries::iterator entry) NEEDS(mutex_);
 
   const size_t max_streams_, max_per_client_;
-  mutable std::mutex mutex_;
-  // Guarded by mutex_.
-  bool draining_ = false;
-  Entries streams_;
-  std::map<std::string, Count> of_client_;
-  size_t places_ = 0;
+  mutable Mutex mutex_;
+  bool draining_ GUARDED(mutex_) = false;
+  Entries streams_ GUARDED(mutex_);
+  std::map<std::string, Count> of_client_ GUARDED(mutex_);
+  size_t places_ GUARDED(mutex_) = 0;
 };
 
 }  // namespace sightline

@@ -6,13 +6,13 @@
 namespace sightline {
 
 UploadPlaces::Place::~Place() {
-  const std::lock_guard lock(places_.mutex_);
+  const MutexLock lock(places_.mutex_);
   places_.bytes_ -= at_->bytes;
   places_.uploads_.erase(at_);
 }
 
 bool UploadPlaces::Place::add(size_t bytes) {
-  const std::lock_guard lock(places_.mutex_);
+  const MutexLock lock(places_.mutex_);
   if (places_.bytes_ + bytes > places_.max_bytes_) return false;
   at_->bytes += bytes;
   places_.bytes_ += bytes;
@@ -20,13 +20,13 @@ bool UploadPlaces::Place::add(size_t bytes) {
 }
 
 bool UploadPlaces::Place::complete() {
-  const std::lock_guard lock(places_.mutex_);
+  const MutexLock lock(places_.mutex_);
   at_->complete = true;
   return !at_->displaced;
 }
 
 bool UploadPlaces::Place::late() const {
-  const std::lock_guard lock(places_.mutex_);
+  const MutexLock lock(places_.mutex_);
   return is_late(at_->bytes, std::chrono::steady_clock::now() - at_->since);
 }
 
@@ -36,7 +36,7 @@ size_t UploadPlaces::held_by(const std::string* client) const {
 }
 
 void UploadPlaces::take(std::optional<Place>& place, const std::string& client, std::function<void()> cancel) {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   if (ended_) return;
   if (held_by(&client) >= max_of_client()) make_room(&client);
   if (held_by(&client) >= max_of_client()) return;
@@ -47,14 +47,14 @@ void UploadPlaces::take(std::optional<Place>& place, const std::string& client, 
 }
 
 void UploadPlaces::end_all() {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   ended_ = true;
   for (Upload& upload : uploads_)
     if (!std::exchange(upload.displaced, true)) upload.cancel();
 }
 
 bool UploadPlaces::ended() const {
-  const std::lock_guard lock(mutex_);
+  const MutexLock lock(mutex_);
   return ended_;
 }
 

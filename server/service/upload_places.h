@@ -10,9 +10,10 @@
 #include <cstddef>
 #include <functional>
 #include <list>
-#include <mutex>
 #include <optional>
 #include <string>
+
+#include "server/base/mutex.h"
 
 namespace sightline {
 
@@ -74,15 +75,15 @@ class UploadPlaces {
 
  private:
   friend class Place;
-  // Null: any client. Both need mutex_.
-  size_t held_by(const std::string* client) const;
-  void make_room(const std::string* client);
+  // Null: any client.
+  size_t held_by(const std::string* client) const NEEDS(mutex_);
+  void make_room(const std::string* client) NEEDS(mutex_);
 
   const size_t max_uploads_, max_bytes_;
-  mutable std::mutex mutex_;
-  bool ended_ = false;  // guarded by mutex_
-  Uploads uploads_;     // guarded by mutex_
-  size_t bytes_ = 0;    // of all uploads; guarded by mutex_
+  mutable Mutex mutex_;
+  bool ended_ GUARDED(mutex_) = false;
+  Uploads uploads_ GUARDED(mutex_);
+  size_t bytes_ GUARDED(mutex_) = 0;  // of all uploads
 };
 
 }  // namespace sightline

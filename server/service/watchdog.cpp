@@ -13,7 +13,7 @@ Watchdog::Watchdog(std::vector<Watched> watched, Seconds limit, Seconds period, 
 
 Watchdog::~Watchdog() {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     stopping_ = true;
   }
   wake_.notify_all();
@@ -29,12 +29,12 @@ std::vector<std::string> Watchdog::hanging() const {
 
 void Watchdog::run() {
   ::prctl(PR_SET_NAME, "watchdog");  // for ps and debuggers
-  std::unique_lock lock(mutex_);
+  MutexLock lock(mutex_);
   while (!stopping_) {
     lock.unlock();
     look_(hanging());
     lock.lock();
-    wake_.wait_for(lock, period_, [this] { return stopping_; });
+    wake_.wait_for(lock, period_, [this]() NEEDS(mutex_) { return stopping_; });
   }
 }
 

@@ -8,12 +8,12 @@
 #pragma once
 
 #include <chrono>
-#include <condition_variable>
 #include <functional>
-#include <mutex>
 #include <string>
 #include <thread>
 #include <vector>
+
+#include "server/base/mutex.h"
 
 namespace sightline {
 
@@ -42,9 +42,9 @@ class Watchdog {
   const std::vector<Watched> watched_;
   const Seconds limit_, period_;
   const Look look_;
-  std::mutex mutex_;
-  std::condition_variable wake_;
-  bool stopping_ = false;  // guarded by mutex_
+  Mutex mutex_;
+  ConditionVariable wake_;
+  bool stopping_ GUARDED(mutex_) = false;
   std::thread thread_;
 };
 

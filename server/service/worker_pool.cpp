@@ -15,7 +15,7 @@ WorkerPool::WorkerPool(unsigned threads, int niceness) : most_of_client_(std::ma
 
 WorkerPool::~WorkerPool() {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     stopping_ = true;
   }
   wake_.notify_all();
@@ -26,7 +26,7 @@ WorkerPool::~WorkerPool() {
 // the pool have nobody to tell that there is no memory.
 void WorkerPool::post(Task task, const std::string& client) {
   {
-    const std::lock_guard lock(mutex_);
+    const MutexLock lock(mutex_);
     const auto [known, is_new] = clients_.try_emplace(client);
     try {
       if (is_new) known->second.turn.push_back(known);
@@ -66,9 +66,9 @@ void WorkerPool::finish(Clients::iterator client) {
 
 void WorkerPool::work(int niceness) {
   if (niceness > 0) (void)::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), niceness);
-  std::unique_lock lock(mutex_);
+  MutexLock lock(mutex_);
   for (;;) {
-    wake_.wait(lock, [this] { return !turns_.empty() || (stopping_ && waiting_ == 0); });
+    wake_.wait(lock, [this]() NEEDS(mutex_) { return !turns_.empty() || (stopping_ && waiting_ == 0); });
     if (turns_.empty()) return;
     Task task;
     const auto client = take(task);

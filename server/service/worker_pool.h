@@ -1,15 +1,15 @@
 // Threads for work that can take seconds: reading scenes, opening sessions. No step waits for it.
 #pragma once
 
-#include <condition_variable>
 #include <deque>
 #include <functional>
 #include <list>
 #include <map>
-#include <mutex>
 #include <string>
 #include <thread>
 #include <vector>
+
+#include "server/base/mutex.h"
 
 namespace sightline {
 
@@ -43,19 +43,18 @@ class WorkerPool {
   };
 
   void work(int niceness);
-  // These need mutex_; `take` also needs a turn.
-  void give_turn(Client& client);
-  Clients::iterator take(Task& task);
-  void finish(Clients::iterator client);
+  void give_turn(Client& client) NEEDS(mutex_);
+  // There must be a turn.
+  Clients::iterator take(Task& task) NEEDS(mutex_);
+  void finish(Clients::iterator client) NEEDS(mutex_);
 
   const unsigned most_of_client_;
-  std::mutex mutex_;
-  std::condition_variable wake_;
-  // Guarded by mutex_.
-  Clients clients_;     // that have tasks, waiting or running
-  Turns turns_;         // those whose next task may run, next first
-  size_t waiting_ = 0;  // tasks of all clients
-  bool stopping_ = false;
+  Mutex mutex_;
+  ConditionVariable wake_;
+  Clients clients_ GUARDED(mutex_);     // that have tasks, waiting or running
+  Turns turns_ GUARDED(mutex_);         // those whose next task may run, next first
+  size_t waiting_ GUARDED(mutex_) = 0;  // tasks of all clients
+  bool stopping_ GUARDED(mutex_) = false;
 
   std::vector<std::thread> threads_;  // constant after construction
 };

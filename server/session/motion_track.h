@@ -41,7 +41,7 @@ class MotionTrack {
   bool has_sent_velocity() const { return sent_; }
 
  private:
-  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
+  friend struct StateFields;  // lists its fields, to write and read them as bytes (server/session/state_fields.h)
 
   // One belief about position and velocity: means, and covariances that are the same for each axis.
   struct Belief {

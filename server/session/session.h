@@ -185,7 +185,7 @@ class Session {
   size_t triangle_count() const;  // as instanced, hidden ones too
 
  private:
-  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
+  friend struct StateFields;  // lists its fields, to write and read them as bytes (server/session/state_fields.h)
   // How an instance has moved so far.
   struct Track {
     MotionTrack motion;

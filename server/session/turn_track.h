@@ -25,7 +25,7 @@ class TurnTrack {
   bool has_sent_rate() const { return sent_; }
 
  private:
-  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
+  friend struct StateFields;  // lists its fields, to write and read them as bytes (server/session/state_fields.h)
 
   bool sent_ = false;
   bool turned_ = false;         // not so long ago that it has stopped

@@ -25,7 +25,7 @@ class RecentTrack {
   const Value& operator[](size_t i) const { return entries_[i].value; }  // oldest first
 
  private:
-  friend struct StateFields;  // writes and reads it as bytes (server/session/session_memory.cpp)
+  friend struct StateFields;  // lists its fields, to write and read them as bytes (server/session/state_fields.h)
   static constexpr double kApartS = 1.0 / 64;
   static constexpr size_t kMost = 40;  // more than kKeptS / kApartS, the newest and one older than kKeptS
   struct Entry {

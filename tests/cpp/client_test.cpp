@@ -2,6 +2,7 @@
 #include "client/cpp/sightline_client.h"
 
 #include <gmock/gmock.h>
+#include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -17,6 +18,7 @@
 #include "server/base/hash.h"
 #include "server/scene/gltf.h"
 #include "server/scene/primitives.h"
+#include "sightline/v1/camera_control.grpc.pb.h"
 #include "tests/support/daemon_process.h"
 #include "tests/support/temporary_folder.h"
 
@@ -420,6 +422,34 @@ TEST(ClientAndDaemon, AllPagesOfTheListOfScenesAreRead) {
   ASSERT_TRUE(names) << to_string(names.error());
   EXPECT_EQ(std::set<std::string>(names->begin(), names->end()).size(), size_t{kScenes});
   EXPECT_EQ(names->size(), size_t{kScenes});
+}
+
+// Three pages, of which the second is empty. A daemon would need a thousand sessions for a second page.
+class PagedService final : public v1::CameraControlService::Service {
+  grpc::Status ListSessions(grpc::ServerContext*, const v1::ListSessionsRequest* request,
+                            v1::ListSessionsResponse* response) override {
+    const std::string& token = request->page_token();
+    if (token != "two") response->add_sessions()->set_session_id(token.empty() ? "first" : "last");
+    if (token != "three") response->set_next_page_token(token.empty() ? "two" : "three");
+    return grpc::Status::OK;
+  }
+};
+
+TEST(Client, ReadsAllPagesOfTheListOfSessions) {
+  PagedService service;
+  int port = 0;
+  const auto server = grpc::ServerBuilder()
+                          .AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port)
+                          .RegisterService(&service)
+                          .BuildAndStart();
+  ASSERT_NE(server, nullptr);
+  auto client = Client::connect("127.0.0.1:" + std::to_string(port), 10s);
+  ASSERT_TRUE(client) << to_string(client.error());
+  const auto sessions = client->list_sessions(10s);
+  ASSERT_TRUE(sessions) << to_string(sessions.error());
+  ASSERT_EQ(sessions->size(), 2u);
+  EXPECT_EQ((*sessions)[0].session_id(), "first");
+  EXPECT_EQ((*sessions)[1].session_id(), "last");
 }
 
 TEST(ClientAndDaemon, ATokenIsShownOverASocketAndNeverInTheClear) {

@@ -19,6 +19,7 @@ sys.path[:0] = [PYTHON_FOLDER, str(TESTS / "attack"), str(TESTS / "metrics")]
 
 from daemon import Daemon  # noqa: E402
 from exposition import scrape  # noqa: E402
+from observed_daemon import start  # noqa: E402
 from sightline_client import Camera, box, capsule  # noqa: E402
 
 Daemon.path = SIGHTLINED
@@ -33,14 +34,6 @@ def needs(tool):
 
 def run(*command, **more):
     return subprocess.run(command, capture_output=True, text=True, timeout=120, **more)
-
-
-def start(*arguments):
-    daemon = Daemon("--metrics-listen", "127.0.0.1:0", *arguments)
-    while "metrics=" not in daemon.log():
-        time.sleep(0.01)  # the log has a thread of its own
-    daemon.operators = daemon.log().split("metrics=")[1].split()[0]
-    return daemon
 
 
 def camera(daemon):
@@ -125,15 +118,28 @@ class Queries(unittest.TestCase):
 
 class PrometheusTools(unittest.TestCase):
     @needs("promtool")
-    def test_the_rules_are_valid_silent_for_a_healthy_daemon_and_each_one_fires(self):
+    def test_the_rules_are_valid_silent_for_a_healthy_daemon_and_each_fires_on_its_own_data(self):
         for command in (("check", "rules", "alerts.yml"), ("check", "config", "prometheus.yml"), ("test", "rules", "alerts_test.yml")):
             result = run("promtool", *command, cwd=DEPLOY / "prometheus")
             self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
 
+    def test_the_rule_tests_say_for_every_alert_on_which_data_it_fires(self):
+        told = re.findall(r'alertname="(\w+)", instance="[\w-]+"', (DEPLOY / "prometheus/alerts_test.yml").read_text())
+        self.assertEqual(told, [name for name, _ in alert_queries()])
+
     @needs("promtool")
-    def test_the_rule_tests_know_every_alert(self):
-        alerts = len(alert_queries())
-        self.assertIn(f"exp_samples: [{{value: {alerts}}}]", (DEPLOY / "prometheus/alerts_test.yml").read_text())
+    def test_the_rule_tests_notice_alerts_that_have_each_others_queries_and_one_that_never_fires(self):
+        rules = (DEPLOY / "prometheus/alerts.yml").read_text()
+        queries = [query for _, query in alert_queries()]
+        rotated = iter(queries[1:] + queries[:1])
+        planted = [re.sub(r"expr: .*", lambda _: "expr: " + next(rotated), rules),
+                   rules.replace(queries[-1], queries[-1] + " and vector(1) < 0")]
+        with tempfile.TemporaryDirectory() as folder:
+            shutil.copy(DEPLOY / "prometheus/alerts_test.yml", folder)
+            for text in planted:
+                pathlib.Path(folder, "alerts.yml").write_text(text)
+                result = run("promtool", "test", "rules", "alerts_test.yml", cwd=folder)
+                self.assertEqual(result.returncode, 1, result.stdout + result.stderr)
 
     @needs("prometheus")
     def test_every_query_of_the_dashboard_finds_data_in_a_real_prometheus(self):

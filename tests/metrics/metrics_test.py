@@ -1,14 +1,13 @@
 #!/usr/bin/env python3
 """metrics_test.py SIGHTLINED SIGHTLINE PYTHON_FOLDER [PROMTOOL]: what the daemon says of itself, beside what a client has counted."""
-import re
 import json
 import pathlib
 import queue
+import re
 import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 import unittest
 
@@ -17,63 +16,19 @@ sys.path[:0] = [sys.argv[3], str(pathlib.Path(__file__).parents[1] / "attack")]
 PROMTOOL = sys.argv[4] if len(sys.argv) > 4 and not sys.argv[4].endswith("NOTFOUND") else None
 
 import grpc  # noqa: E402
-from daemon import CONTROL, HEALTH, Daemon, FlowingConnection, message  # noqa: E402
-from exposition import get, parse, scrape, value  # noqa: E402
+from daemon import Daemon  # noqa: E402
+from exposition import get, scrape, value  # noqa: E402
 from held_thread import HeldThread  # noqa: E402
-from scenes import TRIANGLE, container, empty_parts, many_instances, repeated_triangles, triangle  # noqa: E402
-from sessions import open_session, stub, upload  # noqa: E402
-from sightline.v1 import camera_control_pb2, diagnostics_pb2  # noqa: E402
+from observed_daemon import camera, control, opening, start, until  # noqa: E402
+from sightline.v1 import diagnostics_pb2  # noqa: E402
 from sightline_client import Camera, box, capsule  # noqa: E402
 
 Daemon.path = SIGHTLINED
 STAGES = ("scene", "bound", "sample", "aggregate", "move")
 
 
-def start(*arguments, **more):
-    """A daemon with a metrics port. Its address is `operators`."""
-    daemon = Daemon("--metrics-listen", "127.0.0.1:0", *arguments, **more)
-    deadline = time.monotonic() + 20
-    while "metrics=" not in daemon.log() and time.monotonic() < deadline:
-        time.sleep(0.01)  # the log has a thread of its own
-    daemon.operators = daemon.log().split("metrics=")[1].split()[0]
-    return daemon
-
-
-def camera(daemon):
-    return Camera(daemon.address, position=(0, 1.6, 6), targets={1: capsule(radius=0.3, height=1.8), 2: capsule(radius=0.3, height=1.8)},
-                  occluders={3: box(1, 4, 1)}, at={1: (-1, 0.9, 0), 2: (1, 0.9, 0), 3: (0, 2, 2)})
-
-
-def rpc(channel, name, answer, kind):
-    return getattr(channel, kind)("/sightline.v1.CameraControlService/" + name, request_serializer=lambda request: request.SerializeToString(),
-                                  response_deserializer=answer.FromString)
-
-
-def control(channel, requests):
-    return rpc(channel, "Control", camera_control_pb2.ControlResponse, "stream_stream")(requests)
-
-
-def opening(instances=1):
-    request = camera_control_pb2.ControlRequest()
-    request.open.camera.position.z = 6
-    for i in range(instances):
-        instance = request.open.instances.add(id=i + 1)
-        half = instance.shape.box.half_extent
-        half.x = half.y = half.z = 0.5
-    request.open.targets.add(id=1)
-    return request
-
-
 def healthcheck(*arguments):
     return subprocess.run([SIGHTLINED, "healthcheck", *arguments], capture_output=True, text=True, timeout=30)
-
-
-def until(condition, what, seconds=30):
-    deadline = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > deadline:
-            raise AssertionError("never: " + what)
-        time.sleep(0.05)
 
 
 class Exposition(unittest.TestCase):
@@ -287,9 +242,9 @@ class Cameras(unittest.TestCase):
                 bad.tick(i / 60, {3: (0, 2, 0.8)})
             reply = bad.tick(181 / 60, {3: (0, 2, 0.8)})
             until(lambda: value(scrape(daemon.operators), "sightline_steps_total", level="0") == 361, "all steps")
+            families = scrape(daemon.operators)  # first: after 5 s without a tick the longest time is told no more
             answer = subprocess.run([SIGHTLINE, "sessions", "--server", daemon.address, "--json"], capture_output=True, text=True, timeout=60)
             text = subprocess.run([SIGHTLINE, "sessions", "--address", daemon.address], capture_output=True, text=True, timeout=60)
-            families = scrape(daemon.operators)
         told = {row["label"]: row for row in json.loads(answer.stdout)["sessions"]}
         self.assertEqual(set(told), {"good", "walled in"})
         self.assertEqual(told["good"]["status"], "TRACKING_STATUS_TRACKING")
@@ -299,6 +254,7 @@ class Cameras(unittest.TestCase):
         self.assertGreater(told["walled in"]["blind_s"], 2.0)
         self.assertEqual((int(told["good"]["steps"]), int(told["walled in"]["steps"])), (180, 181))
         self.assertEqual(value(families, "sightline_sessions_blind"), 1)
+        self.assertAlmostEqual(value(families, "sightline_longest_blind_seconds"), told["walled in"]["blind_s"], places=6)
         self.assertEqual(value(families, "sightline_sessions_by_status", status="tracking"), 1)
         self.assertLess(text.stdout.index("walled in"), text.stdout.index("good"))
 
@@ -307,255 +263,6 @@ class Cameras(unittest.TestCase):
             text = subprocess.run([SIGHTLINE, "sessions", "--server", daemon.address], capture_output=True, text=True, timeout=60)
         self.assertEqual(text.returncode, 0)
         self.assertIn("no session is open", text.stdout)
-
-
-class Limits(unittest.TestCase):
-    """Each refusal raises the counter of its flag, and no other."""
-
-    def refused_by(self, flags, provoke):
-        with start(*flags) as daemon:
-            provoke(daemon)
-            families = scrape(daemon.operators)
-        return {dict(labels)["limit"]: number for (_, labels), number in families["sightline_limit_hits_total"].samples.items() if number}
-
-    def hits(self, daemon):
-        return any(scrape(daemon.operators)["sightline_limit_hits_total"].samples.values())
-
-    def open_twice(self, daemon):
-        with camera(daemon):
-            with self.assertRaises(Exception):
-                camera(daemon).__enter__()
-
-    def control(self, daemon, *messages):
-        with grpc.insecure_channel(daemon.address) as channel:
-            with self.assertRaises(grpc.RpcError) as refused:
-                list(control(channel, iter(messages)))
-        self.assertEqual(refused.exception.code(), grpc.StatusCode.RESOURCE_EXHAUSTED, refused.exception)
-
-    def upload(self, daemon, chunks):
-        with grpc.insecure_channel(daemon.address) as channel:
-            send = rpc(channel, "UploadScene", camera_control_pb2.UploadSceneResponse, "stream_unary")
-            with self.assertRaises(grpc.RpcError):
-                send(camera_control_pb2.UploadSceneRequest(chunk=chunk) for chunk in chunks)
-
-    def test_sessions(self):
-        self.assertEqual(set(self.refused_by(["--max-sessions", "1", "--max-sessions-per-client", "1"], self.open_twice)), {"max-sessions"})
-
-    def test_sessions_of_a_client(self):
-        self.assertEqual(set(self.refused_by(["--max-sessions", "4", "--max-sessions-per-client", "1"], self.open_twice)),
-                         {"max-sessions-per-client"})
-
-    def test_memory_of_a_session(self):
-        hits = self.refused_by(["--session-memory-mib", "1"], lambda daemon: self.control(daemon, opening(4000)))
-        self.assertEqual(hits, {"session-memory-mib": 1})
-
-    def test_memory_of_all_sessions(self):
-        hits = self.refused_by(["--sessions-memory-mib", "1"], lambda daemon: self.control(daemon, opening(4000)))
-        self.assertEqual(hits, {"sessions-memory-mib": 1})
-
-    def test_memory_of_a_client(self):
-        hits = self.refused_by(["--client-memory-mib", "1"], lambda daemon: self.control(daemon, opening(4000)))
-        self.assertEqual(hits, {"client-memory-mib": 1})
-
-    def test_cost_of_a_step(self):
-        hits = self.refused_by(["--max-step-cost-ms", "0.01"], lambda daemon: self.control(daemon, opening()))
-        self.assertEqual(hits, {"max-step-cost-ms": 1})
-
-    def test_memory_of_a_message(self):
-        hits = self.refused_by(["--max-message-memory-mib", "8"], lambda daemon: self.control(daemon, opening(70_000)))
-        self.assertEqual(hits, {"max-message-memory-mib": 1})
-
-    def test_size_of_a_message(self):
-        message = opening()
-        message.open.label = "x" * (5 << 19)  # 2.5 MiB
-
-        def send(daemon):
-            with grpc.insecure_channel(daemon.address) as channel, self.assertRaises(grpc.RpcError) as refused:
-                next(control(channel, iter([message])))
-            self.assertEqual(refused.exception.code(), grpc.StatusCode.RESOURCE_EXHAUSTED)
-            self.assertIn("(--max-message-mib)", refused.exception.details())
-        self.assertEqual(self.refused_by(["--max-message-mib", "2"], send), {"max-message-mib": 1})
-
-    def test_memory_of_the_messages_of_all_clients(self):
-        """A session takes no replies, so its ticks wait; half of the memory is for one client."""
-        def send(daemon):
-            tick = empty_parts(20_000)
-            attacker = FlowingConnection(daemon.address, window=0)
-            streams = [attacker.start_call(CONTROL) for _ in range(16)]
-            attacker.send_all({stream: message(opening().SerializeToString()) for stream in streams}, 10)
-            attacker.send_all({stream: message(tick) for stream in streams}, 20)
-            until(lambda: self.hits(daemon), "a hit")
-            attacker.close()
-        hits = self.refused_by(["--messages-memory-mib", "16", "--max-message-memory-mib", "8"], send)
-        self.assertEqual(set(hits), {"messages-memory-mib"})
-
-    def test_time_of_the_maps_of_a_step(self):
-        from google.protobuf import json_format
-        from sightline.tuning.v1alpha1.tuning_pb2 import Tuning
-        largest = json_format.ParseDict({"sample": {"points": 16, "resolution": 64}}, Tuning())
-
-        def send(daemon):
-            with open_session(daemon.address, targets=32) as session:
-                session.sends(tuning=largest)
-                self.assertIn("--max-maps-ms", session.reads().tick_error.message)
-        self.assertEqual(self.refused_by(["--max-maps-ms", "2", "--max-step-cost-ms", "0"], send), {"max-maps-ms": 1})
-
-    def test_processor_time_of_reading_a_file(self):
-        def send(daemon):
-            with self.assertRaises(grpc.RpcError) as refused:
-                upload(daemon.address, ('{"asset":{"version":"2.0"},"extras":[' + "{}," * 100_000 + "{}]}").encode())
-            self.assertIn("--max-load-s", refused.exception.details())
-        self.assertEqual(self.refused_by(["--max-load-s", "0.001"], send), {"max-load-s": 1})
-
-    def test_a_session_that_is_idle(self):
-        def wait(daemon):
-            with open_session(daemon.address) as session:
-                self.assertEqual(session.status().code(), grpc.StatusCode.DEADLINE_EXCEEDED)
-        self.assertEqual(self.refused_by(["--session-idle-s", "0.4"], wait), {"session-idle-s": 1})
-
-    def test_number_of_uploads(self):
-        """Half of the places are for one client."""
-        def upload_twice(daemon):
-            stopping = threading.Event()
-
-            def slowly():
-                yield camera_control_pb2.UploadSceneRequest(chunk=b"x")
-                stopping.wait(60)
-            with stub(daemon.address) as service:
-                first = service.UploadScene.future(slowly())
-                time.sleep(0.5)
-                with self.assertRaises(grpc.RpcError) as refused:
-                    service.UploadScene(iter([camera_control_pb2.UploadSceneRequest(chunk=b"x")]))
-                self.assertIn("--max-uploads", refused.exception.details())
-                first.cancel()
-                stopping.set()
-        self.assertEqual(self.refused_by(["--max-uploads", "2"], upload_twice), {"max-uploads": 1})
-
-    def test_an_upload_that_pauses(self):
-        def pause(daemon):
-            stopping = threading.Event()
-
-            def slowly():
-                yield camera_control_pb2.UploadSceneRequest(chunk=b"x")
-                stopping.wait(60)
-            with stub(daemon.address) as service, self.assertRaises(grpc.RpcError):
-                service.UploadScene(slowly())
-            stopping.set()
-        self.assertEqual(self.refused_by(["--upload-timeout-s", "0.2"], pause), {"upload-timeout-s": 1})
-
-    def test_memory_of_the_geometry(self):
-        def load(daemon):
-            for start in range(20):
-                upload(daemon.address, repeated_triangles(30_000, 1, start))
-
-        def send(daemon):
-            with self.assertRaises(grpc.RpcError) as refused:
-                load(daemon)
-            self.assertIn("--geometry-memory-mib", refused.exception.details())
-        hits = self.refused_by(["--geometry-memory-mib", "8", "--client-scenes-memory-mib", "100", "--kept-uploads-mib", "100"], send)
-        self.assertEqual(hits, {"geometry-memory-mib": 1})
-
-    def test_uploads_that_make_way_before_they_are_opened(self):
-        def send(daemon):
-            for start in range(4):
-                upload(daemon.address, repeated_triangles(30_000, 1, start))
-        for limit, other in (("kept-uploads-mib", "client-scenes-memory-mib"), ("client-scenes-memory-mib", "kept-uploads-mib")):
-            self.assertEqual(set(self.refused_by([f"--{limit}", "2", f"--{other}", "100"], send)), {limit})
-        self.assertEqual(self.refused_by(["--kept-uploads-mib", "100"], send), {})
-
-    def test_reflection_calls(self):
-        def hold(daemon):
-            stopping = threading.Event()
-
-            def silent():
-                yield b"\x3a\x01*"
-                stopping.wait(60)
-            with grpc.insecure_channel(daemon.address) as channel:
-                method = "/grpc.reflection.v1.ServerReflection/ServerReflectionInfo"
-                first = channel.stream_stream(method)(silent())
-                next(first)
-                with self.assertRaises(grpc.RpcError) as refused:
-                    next(channel.stream_stream(method)(silent()))
-                self.assertIn("--max-reflection-calls", refused.exception.details())
-                stopping.set()
-                first.cancel()
-        self.assertEqual(self.refused_by(["--max-reflection-calls", "1"], hold), {"max-reflection-calls": 1})
-
-    def test_watches_of_the_health_service(self):
-        """Three quarters of them are for one client."""
-        def hold(daemon):
-            with grpc.insecure_channel(daemon.address) as channel:
-                calls = [channel.unary_stream(HEALTH + "Watch")(b"") for _ in range(3)]
-                for call in calls:
-                    next(call)
-                with self.assertRaises(grpc.RpcError) as refused:
-                    next(channel.unary_stream(HEALTH + "Watch")(b""))
-                self.assertIn("--max-health-watches", refused.exception.details())
-                for call in calls:
-                    call.cancel()
-        self.assertEqual(self.refused_by(["--max-health-watches", "4"], hold), {"max-health-watches": 1})
-
-    def test_size_of_an_upload(self):
-        hits = self.refused_by(["--max-upload-mib", "1"], lambda daemon: self.upload(daemon, [bytes(1 << 19)] * 3))
-        self.assertEqual(hits, {"max-upload-mib": 1})
-
-    def test_instances_of_an_uploaded_scene(self):
-        hits = self.refused_by([], lambda daemon: self.upload(daemon, [many_instances(999_000)]))
-        self.assertEqual(hits, {"session-memory-mib": 1})
-
-    def test_scenes_of_a_client(self):
-        scene = repeated_triangles(60_000, 1)
-        chunks = [scene[first:first + (1 << 19)] for first in range(0, len(scene), 1 << 19)]
-        hits = self.refused_by(["--client-scenes-memory-mib", "1"], lambda daemon: self.upload(daemon, chunks))
-        self.assertEqual(hits, {"client-scenes-memory-mib": 1})
-
-    def test_a_refusal_that_quotes_the_name_of_a_limit_is_no_hit(self):
-        scene = triangle("quoting")
-        scene["extensionsRequired"] = scene["extensionsUsed"] = ["EXT (--max-uploads)"]
-
-        def upload(daemon):
-            with grpc.insecure_channel(daemon.address) as channel:
-                send = rpc(channel, "UploadScene", camera_control_pb2.UploadSceneResponse, "stream_unary")
-                with self.assertRaises(grpc.RpcError) as refused:
-                    send(iter([camera_control_pb2.UploadSceneRequest(chunk=container(scene, TRIANGLE))]))
-            self.assertIn("(--max-uploads)", refused.exception.details())
-        self.assertEqual(self.refused_by([], upload), {})
-
-    def test_a_call_that_is_never_opened(self):
-        def wait(daemon):
-            with grpc.insecure_channel(daemon.address) as channel:
-                call = control(channel, iter(lambda: time.sleep(30), None))
-                with self.assertRaises(grpc.RpcError):
-                    next(call)
-        self.assertEqual(self.refused_by(["--open-timeout-s", "0.2"], wait), {"open-timeout-s": 1})
-
-    def test_connections_of_a_client(self):
-        import socket
-
-        def connect(daemon):
-            with camera(daemon) as one:
-                one.tick(0.1, {})
-                host, port = daemon.address.split(":")
-                with socket.create_connection((host, int(port)), timeout=10) as second:
-                    self.assertEqual(second.recv(1), b"")  # it is refused at once
-        self.assertEqual(set(self.refused_by(["--max-connections-per-client", "1"], connect)), {"max-connections-per-client"})
-
-    def test_connections(self):
-        import socket
-
-        def connect(daemon):
-            with camera(daemon) as one:
-                one.tick(0.1, {})
-                host, port = daemon.address.split(":")
-                with socket.create_connection((host, int(port)), timeout=10) as second:
-                    self.assertEqual(second.recv(1), b"")  # it is refused at once
-        self.assertEqual(set(self.refused_by(["--max-connections", "1", "--max-connections-per-client", "2"], connect)), {"max-connections"})
-
-    def test_every_limit_that_can_be_hit_has_a_test_here(self):
-        with start() as daemon:
-            limits = {dict(labels)["limit"] for _, labels in scrape(daemon.operators)["sightline_limit_hits_total"].samples}
-        page = pathlib.Path(__file__).read_text()
-        self.assertEqual({limit for limit in limits if f'"{limit}"' not in page}, set())
 
 
 class Health(unittest.TestCase):

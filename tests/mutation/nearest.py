@@ -8,7 +8,7 @@ NEAREST = {
     "server/bound": ("bound_test", "step_test"),
     "server/gate": ("gate_test", "service_test", "Attack_transport", "Attack_trust"),
     "server/gl": ("gl_test", "egl_test"),
-    "server/metrics": ("Metrics",),
+    "server/metrics": ("Metrics", "Limits"),
     "server/move": ("move_test", "step_test"),
     "server/record": ("mcap_test", "recorder_test", "session_snapshot_test", "recording_daemon_test"),
     "server/rpc": ("service_test",),

@@ -144,9 +144,9 @@ TEST(Cameras, SharesAreOfTheTimeBetween) {
 }
 
 TEST(StatusText, ListsTheSessionsThatSeeLeastFirst) {
-  v1::ListSessionsResponse sessions;
+  std::vector<v1::SessionFigures> sessions;
   const auto add = [&](const char* label, double blind_s, double shown) {
-    v1::SessionFigures& session = *sessions.add_sessions();
+    v1::SessionFigures& session = sessions.emplace_back();
     session.set_label(label);
     session.set_blind_s(blind_s);
     session.mutable_camera()->set_target_s(1.0);
@@ -154,8 +154,8 @@ TEST(StatusText, ListsTheSessionsThatSeeLeastFirst) {
   };
   add("half", 0, 0.5), add("whole", 0, 1.0), add("short", 1.0, 0.9), add("long", 9.0, 0.9);
   add("no targets", 0, 0.0);
-  sessions.mutable_sessions(4)->mutable_camera()->set_target_s(0.0);
-  sessions.mutable_sessions(1)->set_label("whole\x1b[2J");
+  sessions[4].mutable_camera()->set_target_s(0.0);
+  sessions[1].set_label("whole\x1b[2J");
   std::ostringstream out;
   print_sessions(out, sessions);
   const std::string text = out.str();
@@ -214,7 +214,7 @@ TEST(StatusText, TellsAllOfADaemonLineByLine) {
   v1::GetServerStatsResponse stats;
   stats.set_ready(true), stats.set_uptime_s(61.0);
   stats.set_open_sessions(3), stats.set_opened_sessions(4567), stats.add_sessions_at_level(3);
-  stats.set_blind_sessions(2);
+  stats.set_blind_sessions(2), stats.set_longest_blind_s(33.25);
   stats.set_kept_sessions(1), stats.set_resumed_sessions(2), stats.set_expired_sessions(3),
       stats.set_refused_resumes(4);
   stats.set_open_connections(5), stats.set_resident_bytes(3 << 20), stats.set_geometry_bytes(512);
@@ -235,7 +235,7 @@ TEST(StatusText, TellsAllOfADaemonLineByLine) {
       "device        embree: a CPU\n"
       "sessions      3 open of 1,000, 4,567 opened since the start\n"
       "streams lost  1 wait for their client; since the start 2 resumed, 3 not in time, 4 refused\n"
-      "blind now     2 sessions, for 2 s or longer\n"
+      "blind now     2 sessions, for 2 s or longer; the longest that plays, for 33.2 s\n"
       "quality       sessions by level: 0: 3\n"
       "connections   5\n"
       "memory        3.0 MiB, of it geometry 0.5 KiB\n"

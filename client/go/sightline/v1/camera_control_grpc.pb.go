@@ -56,7 +56,7 @@ type CameraControlServiceClient interface {
 	GetServerInfo(ctx context.Context, in *GetServerInfoRequest, opts ...grpc.CallOption) (*GetServerInfoResponse, error)
 	// Says what the server has done since its start, and what it holds now.
 	GetServerStats(ctx context.Context, in *GetServerStatsRequest, opts ...grpc.CallOption) (*GetServerStatsResponse, error)
-	// Lists the open sessions with what their cameras show, for operators.
+	// Lists the open sessions with what their cameras show, for operators, in pages.
 	ListSessions(ctx context.Context, in *ListSessionsRequest, opts ...grpc.CallOption) (*ListSessionsResponse, error)
 }
 
@@ -158,7 +158,7 @@ type CameraControlServiceServer interface {
 	GetServerInfo(context.Context, *GetServerInfoRequest) (*GetServerInfoResponse, error)
 	// Says what the server has done since its start, and what it holds now.
 	GetServerStats(context.Context, *GetServerStatsRequest) (*GetServerStatsResponse, error)
-	// Lists the open sessions with what their cameras show, for operators.
+	// Lists the open sessions with what their cameras show, for operators, in pages.
 	ListSessions(context.Context, *ListSessionsRequest) (*ListSessionsResponse, error)
 	mustEmbedUnimplementedCameraControlServiceServer()
 }

@@ -211,7 +211,8 @@ const (
 	MoveReason_MOVE_REASON_BEST_SOON MoveReason = 15
 	// It stays where it is: no position in reach is expected to be better by more than the way there costs.
 	MoveReason_MOVE_REASON_STAYS MoveReason = 16
-	// No place along its plan sees a target: it goes to the nearest position that sees a part of one.
+	// No place along its plan sees a target. It flies along the plan, which leads toward positions that see a part of one. The goal is the position that is
+	// the fewest steps between neighbouring candidates from the end of the plan.
 	MoveReason_MOVE_REASON_NEAREST_VIEW MoveReason = 17
 	// No target has been seen for a while: it goes through the level to the nearest one, or to where that was seen to go.
 	MoveReason_MOVE_REASON_FAR_WAY MoveReason = 18
@@ -303,7 +304,7 @@ const (
 	Course_COURSE_STAY Course = 2
 	// It flies the cheapest way through the coming 1.2 s.
 	Course_COURSE_PLAN Course = 3
-	// It goes to the nearest place that sees a target.
+	// It flies along its plan, from which no target is seen, toward a place beyond the end of the plan that sees one (MOVE_REASON_NEAREST_VIEW).
 	Course_COURSE_TO_VIEW Course = 4
 	// It goes the way that the targets went.
 	Course_COURSE_TRAIL Course = 5

@@ -254,6 +254,9 @@ type GetServerStatsResponse struct {
 	Cameras *CameraFigures `protobuf:"bytes,35,opt,name=cameras,proto3" json:"cameras,omitempty"`
 	// Open sessions that have seen nothing of their targets for 2 s or longer.
 	BlindSessions uint32 `protobuf:"varint,36,opt,name=blind_sessions,json=blindSessions,proto3" json:"blind_sessions,omitempty"`
+	// For how long the camera of one open session has seen nothing of its targets, in seconds of the game: the longest of these times. Sessions whose
+	// game has stood still for 5 s do not count, paused or without ticks. 0: no session is blind now.
+	LongestBlindS float64 `protobuf:"fixed64,37,opt,name=longest_blind_s,json=longestBlindS,proto3" json:"longest_blind_s,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -540,6 +543,13 @@ func (x *GetServerStatsResponse) GetBlindSessions() uint32 {
 	return 0
 }
 
+func (x *GetServerStatsResponse) GetLongestBlindS() float64 {
+	if x != nil {
+		return x.LongestBlindS
+	}
+	return 0
+}
+
 // What cameras showed, summed over the time of the game (dt_s) in seconds. A paused game adds nothing, and a step counts for at most 0.25 s. Targets with a weight count: the
 // required ones, or all if none is required.
 type CameraFigures struct {
@@ -695,9 +705,13 @@ func (x *CameraFigures) GetCuts() uint64 {
 	return 0
 }
 
-// Requests the list of the open sessions.
+// Which page of the list to return.
 type ListSessionsRequest struct {
-	state         protoimpl.MessageState `protogen:"open.v1"`
+	state protoimpl.MessageState `protogen:"open.v1"`
+	// The most sessions to return, [0, 1000]. Default (0): 1000.
+	PageSize uint32 `protobuf:"varint,1,opt,name=page_size,json=pageSize,proto3" json:"page_size,omitempty"`
+	// next_page_token of the former page. Default (empty): the first page. A token that this server did not give is refused.
+	PageToken     string `protobuf:"bytes,2,opt,name=page_token,json=pageToken,proto3" json:"page_token,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -732,11 +746,28 @@ func (*ListSessionsRequest) Descriptor() ([]byte, []int) {
 	return file_sightline_v1_server_proto_rawDescGZIP(), []int{5}
 }
 
-// The open sessions, those that wait for their client (kept_sessions) included, in the order of their opening.
+func (x *ListSessionsRequest) GetPageSize() uint32 {
+	if x != nil {
+		return x.PageSize
+	}
+	return 0
+}
+
+func (x *ListSessionsRequest) GetPageToken() string {
+	if x != nil {
+		return x.PageToken
+	}
+	return ""
+}
+
+// One page of the open sessions, those that wait for their client (kept_sessions) included, in the order of their opening. A session that is open all
+// the time is on exactly one page, whatever other sessions are opened or end between two calls.
 type ListSessionsResponse struct {
 	state protoimpl.MessageState `protogen:"open.v1"`
 	// One element for each session.
-	Sessions      []*SessionFigures `protobuf:"bytes,1,rep,name=sessions,proto3" json:"sessions,omitempty"`
+	Sessions []*SessionFigures `protobuf:"bytes,1,rep,name=sessions,proto3" json:"sessions,omitempty"`
+	// For ListSessionsRequest.page_token; empty: this is the last page.
+	NextPageToken string `protobuf:"bytes,2,opt,name=next_page_token,json=nextPageToken,proto3" json:"next_page_token,omitempty"`
 	unknownFields protoimpl.UnknownFields
 	sizeCache     protoimpl.SizeCache
 }
@@ -776,6 +807,13 @@ func (x *ListSessionsResponse) GetSessions() []*SessionFigures {
 		return x.Sessions
 	}
 	return nil
+}
+
+func (x *ListSessionsResponse) GetNextPageToken() string {
+	if x != nil {
+		return x.NextPageToken
+	}
+	return ""
 }
 
 // One open session, for operators.
@@ -1256,7 +1294,7 @@ const file_sightline_v1_server_proto_rawDesc = "" +
 	"\x0esampler_reason\x18\x03 \x01(\tR\rsamplerReason\x12\x1a\n" +
 	"\brenderer\x18\x04 \x01(\tR\brenderer\x12!\n" +
 	"\fmax_sessions\x18\x05 \x01(\rR\vmaxSessions\"\x17\n" +
-	"\x15GetServerStatsRequest\"\xaa\v\n" +
+	"\x15GetServerStatsRequest\"\xd2\v\n" +
 	"\x16GetServerStatsResponse\x12#\n" +
 	"\ropen_sessions\x18\x01 \x01(\rR\fopenSessions\x12%\n" +
 	"\x0egeometry_count\x18\x02 \x01(\x04R\rgeometryCount\x12%\n" +
@@ -1298,7 +1336,8 @@ const file_sightline_v1_server_proto_rawDesc = "" +
 	"\x10expired_sessions\x18! \x01(\x04R\x0fexpiredSessions\x12'\n" +
 	"\x0frefused_resumes\x18\" \x01(\x04R\x0erefusedResumes\x125\n" +
 	"\acameras\x18# \x01(\v2\x1b.sightline.v1.CameraFiguresR\acameras\x12%\n" +
-	"\x0eblind_sessions\x18$ \x01(\rR\rblindSessions\"\xf7\x02\n" +
+	"\x0eblind_sessions\x18$ \x01(\rR\rblindSessions\x12&\n" +
+	"\x0flongest_blind_s\x18% \x01(\x01R\rlongestBlindS\"\xf7\x02\n" +
 	"\rCameraFigures\x12\x1d\n" +
 	"\n" +
 	"tracking_s\x18\x01 \x01(\x01R\ttrackingS\x12$\n" +
@@ -1314,10 +1353,14 @@ const file_sightline_v1_server_proto_rawDesc = "" +
 	" \x01(\x01R\x05shotS\x12\x1e\n" +
 	"\vshot_kept_s\x18\v \x01(\x01R\tshotKeptS\x12\x17\n" +
 	"\aworth_s\x18\f \x01(\x01R\x06worthS\x12\x12\n" +
-	"\x04cuts\x18\r \x01(\x04R\x04cuts\"\x15\n" +
-	"\x13ListSessionsRequest\"P\n" +
+	"\x04cuts\x18\r \x01(\x04R\x04cuts\"Q\n" +
+	"\x13ListSessionsRequest\x12\x1b\n" +
+	"\tpage_size\x18\x01 \x01(\rR\bpageSize\x12\x1d\n" +
+	"\n" +
+	"page_token\x18\x02 \x01(\tR\tpageToken\"x\n" +
 	"\x14ListSessionsResponse\x128\n" +
-	"\bsessions\x18\x01 \x03(\v2\x1c.sightline.v1.SessionFiguresR\bsessions\"\xb1\x02\n" +
+	"\bsessions\x18\x01 \x03(\v2\x1c.sightline.v1.SessionFiguresR\bsessions\x12&\n" +
+	"\x0fnext_page_token\x18\x02 \x01(\tR\rnextPageToken\"\xb1\x02\n" +
 	"\x0eSessionFigures\x12\x1d\n" +
 	"\n" +
 	"session_id\x18\x01 \x01(\tR\tsessionId\x12\x14\n" +
