@@ -46,6 +46,21 @@ bool StateFields::possible(const Session::Track& track) {
          turn.interval_s_ >= 0;
 }
 
+// A plate without an area has no normal.
+bool StateFields::possible(const Doors& doors) {
+  constexpr double kLeastM = 1e-6, kMostM = 1e10;
+  const auto side = [](const glm::dvec3& half_m) {
+    return glm::length(half_m) > kLeastM && glm::length(half_m) < kMostM;
+  };
+  const auto leaf = [&](const Doors::Leaf& of) {
+    const glm::dvec3 normal = glm::cross(of.rest.half_u_m, of.rest.half_v_m);
+    return glm::length(of.rest.middle_m) < kMostM && side(of.rest.half_u_m) && side(of.rest.half_v_m) &&
+           glm::length(normal) > kLeastM * kLeastM && of.rested_s >= 0 && of.away_s >= 0;
+  };
+  return std::ranges::all_of(doors.leaves_, leaf) &&
+         std::ranges::adjacent_find(doors.leaves_, std::greater_equal<>(), &Doors::Leaf::id) == doors.leaves_.end();
+}
+
 bool StateFields::possible(const PairHistory::Frame& frame) {
   const size_t targets = frame.target_ids.size();
   const int side = frame.links.empty() ? 0 : frame.links.front().volume.resolution;
@@ -118,8 +133,9 @@ bool StateFields::possible(const CarriedState& state) {
   return std::all_of(state.shot.at_asked.begin(), state.shot.at_asked.end(), asked) && possible(state.candidates) &&
          possible(state.viewpoints) && possible(state.in_force) && state.pasts.size() <= kMaxTargets &&
          std::all_of(state.pasts.begin(), state.pasts.end(), past) && shares.size() <= kMaxTargets &&
-         std::all_of(shares.begin(), shares.end(), track) && state.trail.places_m().size() <= Trail::kPlaces &&
-         state.path.position_m.count() > 0 && state.path.rotation.count() > 0 && known(state.shot.asked_viewpoint) &&
+         std::all_of(shares.begin(), shares.end(), track) && possible(state.doors) &&
+         state.trail.places_m().size() <= Trail::kPlaces && state.path.position_m.count() > 0 &&
+         state.path.rotation.count() > 0 && known(state.shot.asked_viewpoint) &&
          known(state.shot.viewpoint.value_or(0));
 }
 

@@ -420,6 +420,7 @@ struct StateFields {
   static bool possible(const PairHistory& history);
   static bool possible(const CandidateMemory& memory);
   static bool possible(const ViewpointMap& map);
+  static bool possible(const Doors& doors);
   static bool possible(const ComparedCourses& courses);
   static bool possible(const HeldFacts& facts);
   static bool possible(const DecisionInForce& last);

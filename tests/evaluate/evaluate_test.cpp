@@ -254,6 +254,44 @@ TEST(Policies, TrackWhomTheySeeAndNobodyInAClosedBox) {
   }
 }
 
+// Anna is the target at first, and from the second second on Ben, 6 m beside her.
+TEST(Policies, ShowANewTargetAsTheFormerOne) {
+  scenes::GlbWriter writer;
+  const int person = writer.add_mesh("person", *tessellate(CapsuleShape{0.3f, 0.6f}), {1, 1, 1});
+  const auto target = [](double from_s, double to_s) {
+    return nlohmann::ordered_json{{"sightline", {{"role", "target"}, {"during", {{from_s, to_s}}}}}};
+  };
+  writer.add_node({"anna", -1, person, -1, {0, 0, 0}, {1, 0, 0, 0}, target(0, 2)});
+  const int ben = writer.add_node({"ben", -1, person, -1, {6, 0, 0}, {1, 0, 0, 0}, target(2, 9)});
+  writer.animate(ben, std::vector<float>{0, 6}, std::vector<glm::vec3>(2, {6, 0, 0}),
+                 std::vector<glm::quat>(2, glm::quat(1, 0, 0, 0)));
+  writer.add_node({"eye",
+                   -1,
+                   -1,
+                   writer.add_camera(0.8, 1.5, 0.1),
+                   {0, 0, 6},
+                   {1, 0, 0, 0},
+                   {{"sightline", {{"role", "camera"}}}}});
+  const std::vector<std::byte> bytes = writer.finish("scenario");
+  const SceneCase scene{"two", 1, [bytes](GeometryStore& store) -> Result<Scenario> {
+                          return Scenario::from_asset(*read_gltf(bytes, nullptr, store));
+                        }};
+  const std::vector<PolicyEntry> chosen{policy_named("follow"), policy_named("spring-arm"), policy_named("sightline")};
+  const auto runs = evaluate(std::span(&scene, 1), chosen, {.picture_every = 3, .picture_size = 64});
+  ASSERT_TRUE(runs) << to_string(runs.error());
+  for (const RunRecord& run : *runs) {
+    EXPECT_EQ(run.changes.changes, 1u) << run.policy;
+    EXPECT_EQ(run.changes.unanswered, 0u) << run.policy;
+    EXPECT_LE(run.changes.longest_answer_s, run.policy == "sightline" ? 2.0 : 0.0) << run.policy;
+    EXPECT_EQ(run.metrics.targets.size(), 2u);
+    EXPECT_EQ(run.turns.turns, 0u) << "the jump of the centre is no turn of a target";
+  }
+  EXPECT_GT((*runs)[2].changes.longest_answer_s, 0.1) << "it flies there, within its limits";
+  const auto ceiling = evaluate(std::span(&scene, 1), std::vector{policy_named("ceiling-worth")}, {});
+  ASSERT_FALSE(ceiling);
+  EXPECT_EQ(ceiling.error().code, ErrorCode::kFailedPrecondition);
+}
+
 // ---- the whole ----
 
 class EvaluateCommand : public testing::Test {

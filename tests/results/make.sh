@@ -6,6 +6,7 @@
 #   tests/results/make.sh --own      # plays only the default again, in all scenes but those of Tables 1 to 3, with as many seeds as it has there: an hour
 #   tests/results/make.sh --quick    # a trial: one seed and fewer frames, into out/results/quick
 #   SIGHTLINE_BIN=path/to/bin tests/results/make.sh   # use these programs and build nothing
+#   SIGHTLINE_MOTION=path/to/recordings tests/results/make.sh   # also recorded motion; left out without it
 #   SIGHTLINE_TILES=path/to/tiles tests/results/make.sh   # also the levels composed of the tiles in this folder; left out without it
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -75,9 +76,19 @@ evaluate keep-shot --truth-every "$scenes_every" --group study --policy sightlin
 settings=() shown=""
 roof_cameras=("${cameras[@]}")
 $own || roof_cameras=(--policy sightline --policy spring-arm --policy raycast)
+subject_cameras=("${cameras[@]}")
+$own || subject_cameras=(--policy sightline --policy spring-arm)
 evaluate roofs --truth-every 20 --group roofs "${roof_cameras[@]}"
+evaluate subjects --truth-every 10 --group subjects "${subject_cameras[@]}"
+if [ -n "${SIGHTLINE_MOTION:-}" ]; then evaluate motion --truth-every 10 --group motion "${subject_cameras[@]}"; fi
+# The shots that these scenes are made for.
+settings=(--settings "chase=$("$SIGHTLINE_BIN/sightline" shots chase --subject 1)") shown="--settings <the named shot chase of the subject 1>"
+evaluate subjects-chase --truth-every 10 --scene runner --policy follow
+settings=(--settings "over-right-shoulder=$("$SIGHTLINE_BIN/sightline" shots over-right-shoulder --subject 2 --other 4)") shown="--settings <the named shot over-right-shoulder of the subject 2 and the other 4>"
+evaluate subjects-shoulder --truth-every 10 --scene conversation --policy follow
+settings=() shown=""
 sheet_scenes=()
-for scene in hall rooms crowd forest roof-two-walk roof-four level-roofed-row level-halls-crossing street pitch; do sheet_scenes+=(--scene "$scene"); done
+for scene in hall rooms doors cycle crowd forest roof-two-walk roof-four level-roofed-row level-halls-crossing street pitch; do sheet_scenes+=(--scene "$scene"); done
 seeds=1 evaluate sheets --truth-every 60 "${sheet_scenes[@]}" --policy spring-arm --policy sightline --sheets
 # Each shot by its name, with the first target as the subject and the second as the other.
 settings=() shown="--settings <each named shot of the subject 1 and the other 2>"

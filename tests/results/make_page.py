@@ -7,7 +7,7 @@
 
 With --raw, the page's tables and plots are first made anew from what make.sh measured: DIR/table1.csv by step_bench, and the folders
 DIR/hall, DIR/hall-front, DIR/fence and DIR/agile, the same with -embree, DIR/scenes, DIR/keep-shot, DIR/roofs, DIR/named-shots, DIR/worth-ceiling,
-DIR/levels and DIR/ceiling by `sightline evaluate`. Any but
+DIR/subjects, DIR/motion, DIR/subjects-chase, DIR/subjects-shoulder, DIR/levels and DIR/ceiling by `sightline evaluate`. Any but
 hall and fence may be missing; then the page keeps the tables that it has. HOW says how it was measured.
 With --renew, the runs of DIR replace those of the same scenes, seeds and policies, as after `make.sh --own`.
 """
@@ -22,7 +22,7 @@ from figures import distinct, find, image, markdown, mean, number, over_seeds, p
 from levels_page import former_runs, levels_page
 from paper_tables import MODELS, STABILITIES, read_runs, table1, table2, table3
 from scene_tables import ceiling_part, scenes_part
-from shot_tables import SHOT_COLUMNS, TRADE_COLUMNS, TRADES, WORTH_CEILING_COLUMNS, more_shot_parts, shots_part, trade_part, worth_part
+from shot_tables import SHOT_COLUMNS, SUBJECT_COLUMNS, TRADE_COLUMNS, TRADES, WORTH_CEILING_COLUMNS, more_shot_parts, shots_part, trade_part, worth_part
 from svg_plots import bar_plot, strip_plot
 
 PAPER_TABLES = ("table1.csv", "table2.csv", "table3.csv")
@@ -65,6 +65,7 @@ def take_over(folder, raw, how):
     for name, columns in (("roofs", SHOT_COLUMNS), ("named-shots", SHOT_COLUMNS), ("worth-ceiling", WORTH_CEILING_COLUMNS)):
         if (raw / name).exists():
             write_table(folder / (name + ".csv"), columns, read_table(raw / name / "runs.csv"))
+    take_over_subjects(folder, raw)
     if (raw / "scenes").exists():
         runs = read_table(raw / "scenes" / "runs.csv")
         write_table(folder / "scenes.csv", RUN_COLUMNS, runs)
@@ -81,10 +82,19 @@ def take_over(folder, raw, how):
     (folder / "how.json").write_text(json.dumps(how, indent=2) + "\n", encoding="utf-8")
 
 
+SUBJECT_FOLDERS = ("subjects", "motion", "subjects-chase", "subjects-shoulder")
+
+
+def take_over_subjects(folder, raw):
+    """The scenes of subjects and of recorded motion make one table."""
+    if runs := [row for name in SUBJECT_FOLDERS if (raw / name).exists() for row in read_table(raw / name / "runs.csv")]:
+        write_table(folder / "subjects.csv", SUBJECT_COLUMNS, runs)
+
+
 # The scenes of the page's contact sheets, and what they show.
 SHEETS = {"hall": "two walk round a colonnade", "rooms": "one follows the other through nine rooms", "crowd-20": "two cross a plaza among 20 others", "forest": "two on winding ways between trees",
           "roof-two-walk": "two walk under a roof", "roof-four": "four stand in a low room", "level-roofed-row": "one follows the other through rooms under a ceiling",
-          "level-halls-crossing": "two in halls with pillars change sides", "street": "a car in a street", "pitch": "footballers"}
+          "level-halls-crossing": "two in halls with pillars change sides", "street": "a car in a street", "pitch": "footballers", "doors": "two go through doors that shut behind them", "cycle": "six people, one of them the subject for 4 s at a time"}
 
 
 def take_over_sheets(folder, raw):
@@ -119,7 +129,7 @@ def take_over_reasons(folder, raw):
 
 
 # The tables whose rows are single runs: the folder below DIR, and its columns.
-RUN_TABLES = (("scenes", "scenes", RUN_COLUMNS), ("shots", "scenes", SHOT_COLUMNS), ("levels", "levels", LEVEL_COLUMNS), ("levels", "tiles", LEVEL_COLUMNS), ("roofs", "roofs", SHOT_COLUMNS),
+RUN_TABLES = (("scenes", "scenes", RUN_COLUMNS), ("shots", "scenes", SHOT_COLUMNS), ("levels", "levels", LEVEL_COLUMNS), ("levels", "tiles", LEVEL_COLUMNS), ("roofs", "roofs", SHOT_COLUMNS), *(("subjects", source, SUBJECT_COLUMNS) for source in SUBJECT_FOLDERS),
               ("keep-shot", "keep-shot", TRADE_COLUMNS), ("named-shots", "named-shots", SHOT_COLUMNS), ("worth-ceiling", "worth-ceiling", WORTH_CEILING_COLUMNS))
 
 

@@ -437,6 +437,15 @@ class Shots(unittest.TestCase):
         self.assertIn("| roof-four | sightline | 2 | 0.250 | 80.0 % | 70 % |", part)
         self.assertEqual(shot_tables.roofs_part([]), "")
 
+    def test_answers_to_changes_are_means_over_changes_and_the_longest_of_any_run(self):
+        row = lambda seed, **figures: self.row("cycle", "sightline", seed, **{"body_collisions": 0.0, "longest_blind_s": 0.25} | figures)
+        part = shot_tables.subjects_part([row(1.0, target_changes=1.0, mean_change_answer_s=1.0, longest_change_answer_s=1.0),
+                                          row(2.0, target_changes=3.0, mean_change_answer_s=2.0, longest_change_answer_s=5.0, longest_blind_s=0.5),
+                                          self.row("cycle", "follow"), self.row("runner", "sightline", target_changes=0.0, body_collisions=0.0, longest_blind_s=0.0)])
+        self.assertIn("| 4 | 1.8 | 5.0 | 0.5 | 0 |", part)
+        self.assertIn("|  |  |  | 0.0 | 0 |", part)
+        self.assertNotIn("follow", part)
+
     def test_the_default_is_compared_with_the_ceiling_on_shared_seeds(self):
         part = shot_tables.worth_ceiling_part([self.row("hall", "sightline", 1.0, mean_worth=0.6), self.row("hall", "sightline", 2.0, mean_worth=0.1),
                                                self.row("hall", "ceiling-worth", 1.0, mean_worth=0.8, most_worth=0.9), self.row("city", "sightline")])

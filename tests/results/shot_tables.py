@@ -10,6 +10,8 @@ TRADE_COLUMNS = ("scene", "seed", "policy", "joint_whole_share", "joint_visible_
                  "mean_worth", "median_height_rad", "r_n")
 # keep_shot by policy.
 TRADES = {"keep-0": "0", "keep-025": "0.25", "keep-05": "0.5", "sightline": "1", "keep-2": "2"}
+CHANGE_COLUMNS = ("target_changes", "mean_change_answer_s", "longest_change_answer_s", "unanswered_changes", "longest_blind_s", "body_collisions")
+SUBJECT_COLUMNS = SHOT_COLUMNS + CHANGE_COLUMNS
 WORTH_CEILING_COLUMNS = ("scene", "seed", "policy", "mean_worth", "most_worth", "mean_sight_loss", "mean_shot_loss", "joint_whole_share")
 
 
@@ -82,8 +84,8 @@ def worth_row(scene, before, now):
 # ---- low ceilings, the ceiling of worth, shots by name ----
 
 def more_shot_parts(folder):
-    tables = {name: read_table(folder / f"{name}.csv") if (folder / f"{name}.csv").exists() else [] for name in ("roofs", "worth-ceiling", "named-shots")}
-    parts = (roofs_part(tables["roofs"]), worth_ceiling_part(tables["worth-ceiling"]), named_shots_part(tables["named-shots"]))
+    tables = {name: read_table(folder / f"{name}.csv") if (folder / f"{name}.csv").exists() else [] for name in ("roofs", "subjects", "worth-ceiling", "named-shots")}
+    parts = (roofs_part(tables["roofs"]), subjects_part(tables["subjects"]), worth_ceiling_part(tables["worth-ceiling"]), named_shots_part(tables["named-shots"]))
     return [part for part in parts if part]
 
 
@@ -109,6 +111,30 @@ def roof_row(scene, policy, runs):
     return [scene, policy, len(runs), number(mean(runs, "mean_worth"), 3), percent(mean(runs, "joint_whole_share"), 1), percent(min(run["joint_whole_share"] for run in runs), 0),
             number(mean(runs, "p95_size_pictures"), 2), degrees("asked_height_rad"), degrees("median_height_rad"), number(mean(runs, "mean_sight_loss"), 3),
             number(mean(runs, "mean_shot_loss"), 3)]
+
+
+def subjects_part(runs):
+    if not runs:
+        return ""
+    groups = [(scene, policy, select(runs, scene=scene, policy=policy)) for scene in distinct(runs, "scene") for policy in distinct(runs, "policy") if policy != "follow"]
+    return """## Other subjects, and recorded motion
+
+The subject changes, turns back, talks, or stands too far away ([subjects](../../scenes/README.md#subjects)); people and footballers move as they were recorded ([recorded motion](../../scenes/README.md#recorded-motion)).
+*Answer* is the time from a change of targets to the first picture that shows the new ones whole with every property of the shot within half of its limit; *longest* is that of any run. In `cycle-far` the limits of the camera
+allow 3.5 s at best. *Blind* is the longest time of any run without a pixel of any target. `chase` and `over-right-shoulder` are shots by name, judged against themselves; a runner who turns back at 5 m/s
+every 1.6 s is faster round than a camera 5 m behind with 10 m/s. The spring arm keeps no limits: it jumps, through bodies and walls.
+
+""" + markdown(["<scene", "<policy", "seeds", "worth", "whole", "shot kept", "sight loss", "shot loss", "asked height", "height", "changes", "answer s", "longest s", "blind s", "collisions"],
+               [subject_row(*group) for group in groups if group[2]])
+
+
+def subject_row(scene, policy, runs):
+    degrees = lambda name: number(math.degrees(mean(runs, name)), 0)
+    changes = sum(run["target_changes"] for run in runs)
+    answers = [number(sum(run["mean_change_answer_s"] * run["target_changes"] for run in runs) / changes, 1), number(max(run["longest_change_answer_s"] for run in runs), 1)] if changes else ["", ""]
+    return [scene, policy, len(runs), number(mean(runs, "mean_worth"), 2), percent(mean(runs, "joint_whole_share"), 0), percent(mean(runs, "shot_kept_share"), 0), number(mean(runs, "mean_sight_loss"), 2),
+            number(mean(runs, "mean_shot_loss"), 2), degrees("asked_height_rad"), degrees("median_height_rad"), number(changes, 0) if changes else "", *answers,
+            number(max(run["longest_blind_s"] for run in runs), 1), number(sum(run["body_collisions"] for run in runs), 0)]
 
 
 def worth_ceiling_part(runs):
