@@ -68,11 +68,17 @@ double body_m(const MoveInput& in) {
 }
 
 // Sets the clearance of candidates to 0 where a moving collider, such as a cart, is about to be. No plan then leads to
-// them or through them.
-void give_way(const MoveInput& in, double body_radius_m, std::vector<float>& clearance_m) {
+// them or through them. The same for a doorway whose door shuts.
+void give_way(const MoveInput& in, double body_radius_m, std::span<const OpenDoor> doors,
+              std::vector<float>& clearance_m) {
+  const auto& position_m = in.sights.position_m;
+  for (const OpenDoor& door : doors) {
+    if (!door.shuts) continue;
+    for (size_t i = 0; i < position_m.size(); ++i)
+      if (distance_m(door.shut, position_m[i]) < body_radius_m) clearance_m[i] = 0;
+  }
   const ClearanceField& soon = in.surroundings.movers_ahead.back();
   if (soon.collider_count() == 0) return;
-  const auto& position_m = in.sights.position_m;
   for (size_t i = 0; i < position_m.size(); ++i)
     if (soon.clearance_m(position_m[i], body_radius_m) < body_radius_m) clearance_m[i] = 0;
 }
@@ -122,7 +128,7 @@ class GoalSearch {
     scratch_.way.clear();
     scratch_.way.reserve(kSlices + 1 + in_.sights.position_m.size());
     scratch_.clearance_m = in_.sights.clearance_m;
-    give_way(in_, body_radius_m, scratch_.clearance_m);
+    give_way(in_, body_radius_m, scratch_.behind_doors.open, scratch_.clearance_m);
     planner_.lay(in_.sights.candidates.position_m, in_.sights.position_m, scratch_.clearance_m, body_radius_m, kSlices);
     pricer_.price();
     const FlightPlan& plan = planner_.plan(start(), settings_);
@@ -415,13 +421,14 @@ class GoalSearch {
   }
   bool knows_shot() const {
     const double known_s = kSurelyKnown * in_.step.input.settings.move.viewpoint_search.memory_s;
-    return in_.carried.shot.viewpoint && !in_.carried.shot.in_line_m && in_.carried.viewpoints.known_s() >= known_s;
+    return in_.carried.shot.viewpoint && in_.carried.viewpoints.known_s() >= known_s;
   }
   // The share of the targets that the viewpoint search knows to be hidden at the wanted shot.
   double hidden_at_shot() const {
     std::array<float, kMaxTargets> seen;
-    for (size_t i = 0; i < in_.step.target_count(); ++i)
-      seen[i] = in_.carried.viewpoints.share(i, *in_.carried.shot.viewpoint);
+    const std::optional<glm::dvec3>& in_line_m = in_.carried.shot.in_line_m;
+    const size_t place = in_line_m ? in_.carried.viewpoints.nearest_viewpoint(*in_line_m) : *in_.carried.shot.viewpoint;
+    for (size_t i = 0; i < in_.step.target_count(); ++i) seen[i] = in_.carried.viewpoints.share(i, place);
     return hidden_share(in_.step.targets.tracked_targets, std::span(seen).first(in_.step.target_count()));
   }
   // The share of the targets that pictures of late lack, less that which is hidden at the wanted shot.

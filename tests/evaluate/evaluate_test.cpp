@@ -22,6 +22,7 @@
 #include "scenes/glb_writer.h"
 #include "scenes/hall.h"
 #include "scenes/rooms.h"
+#include "scenes/subjects.h"
 #include "server/paper/paper_settings.h"
 #include "server/sample/embree_sampler.h"
 #include "server/scene/gltf.h"
@@ -290,6 +291,24 @@ TEST(Policies, ShowANewTargetAsTheFormerOne) {
   const auto ceiling = evaluate(std::span(&scene, 1), std::vector{policy_named("ceiling-worth")}, {});
   ASSERT_FALSE(ceiling);
   EXPECT_EQ(ceiling.error().code, ErrorCode::kFailedPrecondition);
+}
+
+// They stand 25 m from one another, and the camera begins between them. With these seeds a column hides the one whom it
+// sees as it backs off, so that every place near by shows less.
+TEST(Policies, ShowThreePeopleWhoStandFarApart) {
+  for (const uint64_t seed : {5, 6}) {
+    const std::vector<std::byte> bytes = scenes::make_apart({.seed = seed, .people = 3, .apart_m = 25});
+    const SceneCase scene{"apart", seed, [bytes](GeometryStore& store) -> Result<Scenario> {
+                            return Scenario::from_asset(*read_gltf(bytes, nullptr, store));
+                          }};
+    const auto runs = evaluate(std::span(&scene, 1), std::vector{policy_named("sightline")},
+                               {.picture_every = 60, .picture_size = 128});
+    ASSERT_TRUE(runs) << to_string(runs.error());
+    const std::vector<JudgedPicture>& pictures = (*runs)[0].pictures;
+    EXPECT_EQ(pictures.front().least_whole_share, 0) << "seed " << seed;
+    for (const JudgedPicture& picture : std::span(pictures).last(3))
+      EXPECT_GE(picture.least_whole_share, 0.95) << "seed " << seed << " at " << picture.time_s;
+  }
 }
 
 // ---- the whole ----
