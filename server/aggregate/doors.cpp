@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <utility>
 
 namespace sightline {
 namespace {
@@ -12,7 +11,6 @@ constexpr double kThin = 0.25;       // the box's least side over its greatest
 constexpr double kRestM = 0.02;      // moves by less at rest
 constexpr double kRestS = 0.5;       // what has rested for so long is shut
 constexpr double kAsideSizes = 1.2;  // an open door is at most so many of its widths or heights from where it shuts
-constexpr double kLeastMps = 0.05;   // of a leaf that shuts
 constexpr double kForgetS = 6.0;     // time constant
 constexpr double kLeastWeight = 0.05;
 
@@ -39,14 +37,6 @@ bool plate_of(const Instance& instance, Plate& plate) {
   return true;
 }
 
-double distance_m(const Plate& plate, const glm::dvec3& from_m) {
-  const PlateFrame frame(plate);
-  const glm::dvec3 offset_m = from_m - plate.middle_m;
-  const double u = std::clamp(glm::dot(frame.u, offset_m), -1.0, 1.0),
-               v = std::clamp(glm::dot(frame.v, offset_m), -1.0, 1.0);
-  return glm::distance(offset_m, u * plate.half_u_m + v * plate.half_v_m);
-}
-
 void Doors::pass(const SceneMirror& scene, std::span<const uint64_t> target_ids, double dt_s, double clock_s) {
   for (Leaf& leaf : leaves_) leaf.there = false;
   for (const uint32_t slot : scene.moving_slots()) {
@@ -65,9 +55,7 @@ void Doors::pass(const SceneMirror& scene, std::span<const uint64_t> target_ids,
 }
 
 void Doors::follow(Leaf& leaf, const Plate& now, double dt_s) {
-  if (dt_s <= 0) return;
   const double away_m = glm::distance(now.middle_m, leaf.rest.middle_m);
-  leaf.shuts = away_m < std::exchange(leaf.away_m, away_m) - kLeastMps * dt_s;
   if (away_m < kRestM) {
     leaf.rested_s += dt_s, leaf.away_s = 0.0;
     return;
@@ -76,7 +64,7 @@ void Doors::follow(Leaf& leaf, const Plate& now, double dt_s) {
   if (leaf.rested_s >= kRestS && away_m <= kAsideSizes * size_m)
     leaf.away_s += dt_s;
   else
-    leaf.rest = now, leaf.rested_s = leaf.away_s = leaf.away_m = 0.0, leaf.shuts = false;
+    leaf.rest = now, leaf.rested_s = leaf.away_s = 0.0;
 }
 
 void Doors::add_open(const glm::dvec3& center_m, double radius_m, const glm::dvec3& to_m,
@@ -88,7 +76,7 @@ void Doors::add_open(const glm::dvec3& center_m, double radius_m, const glm::dve
     if (weight < kLeastWeight) continue;
     const double size_m = glm::length(leaf.rest.half_u_m) + glm::length(leaf.rest.half_v_m);
     if (glm::distance(middle_m, leaf.rest.middle_m) <= reach_m + size_m)
-      open.push_back({leaf.rest, static_cast<float>(weight), leaf.shuts});
+      open.push_back({leaf.rest, static_cast<float>(weight)});
   }
 }
 

@@ -25,14 +25,10 @@ struct Plate {
 // instance has no geometry.
 bool plate_of(const Instance& instance, Plate& plate);
 
-// From a position to the nearest point of the plate.
-double distance_m(const Plate& plate, const glm::dvec3& from_m);
-
 // Where a door shuts.
 struct OpenDoor {
   Plate shut;
   float weight = 0.0f;  // how much it counts as shut, (0, 1]: less and less, the longer it has been open
-  bool shuts = false;   // its leaf is on the way there
 };
 
 // Allocates only when instances are added. Not thread-safe. Deterministic.
@@ -50,8 +46,6 @@ class Doors {
     uint64_t id = 0;
     Plate rest;
     double rested_s = 0.0, away_s = 0.0;  // it has been there, or away from there, for this time
-    double away_m = 0.0;                  // its distance from there
-    bool shuts = false;                   // that has become less
     bool there = false;                   // the mirror holds it; only within `pass`
   };
   static void follow(Leaf& leaf, const Plate& now, double dt_s);

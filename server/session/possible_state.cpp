@@ -55,7 +55,7 @@ bool StateFields::possible(const Doors& doors) {
   const auto leaf = [&](const Doors::Leaf& of) {
     const glm::dvec3 normal = glm::cross(of.rest.half_u_m, of.rest.half_v_m);
     return glm::length(of.rest.middle_m) < kMostM && side(of.rest.half_u_m) && side(of.rest.half_v_m) &&
-           glm::length(normal) > kLeastM * kLeastM && of.rested_s >= 0 && of.away_s >= 0 && of.away_m >= 0;
+           glm::length(normal) > kLeastM * kLeastM && of.rested_s >= 0 && of.away_s >= 0;
   };
   return std::ranges::all_of(doors.leaves_, leaf) &&
          std::ranges::adjacent_find(doors.leaves_, std::greater_equal<>(), &Doors::Leaf::id) == doors.leaves_.end();

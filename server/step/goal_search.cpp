@@ -68,17 +68,11 @@ double body_m(const MoveInput& in) {
 }
 
 // Sets the clearance of candidates to 0 where a moving collider, such as a cart, is about to be. No plan then leads to
-// them or through them. The same for a doorway whose door shuts.
-void give_way(const MoveInput& in, double body_radius_m, std::span<const OpenDoor> doors,
-              std::vector<float>& clearance_m) {
-  const auto& position_m = in.sights.position_m;
-  for (const OpenDoor& door : doors) {
-    if (!door.shuts) continue;
-    for (size_t i = 0; i < position_m.size(); ++i)
-      if (distance_m(door.shut, position_m[i]) < body_radius_m) clearance_m[i] = 0;
-  }
+// them or through them.
+void give_way(const MoveInput& in, double body_radius_m, std::vector<float>& clearance_m) {
   const ClearanceField& soon = in.surroundings.movers_ahead.back();
   if (soon.collider_count() == 0) return;
+  const auto& position_m = in.sights.position_m;
   for (size_t i = 0; i < position_m.size(); ++i)
     if (soon.clearance_m(position_m[i], body_radius_m) < body_radius_m) clearance_m[i] = 0;
 }
@@ -128,7 +122,7 @@ class GoalSearch {
     scratch_.way.clear();
     scratch_.way.reserve(kSlices + 1 + in_.sights.position_m.size());
     scratch_.clearance_m = in_.sights.clearance_m;
-    give_way(in_, body_radius_m, scratch_.behind_doors.open, scratch_.clearance_m);
+    give_way(in_, body_radius_m, scratch_.clearance_m);
     planner_.lay(in_.sights.candidates.position_m, in_.sights.position_m, scratch_.clearance_m, body_radius_m, kSlices);
     pricer_.price();
     const FlightPlan& plan = planner_.plan(start(), settings_);

@@ -43,12 +43,12 @@ PlanPricer::PlanPricer(const MoveInput& in, const FlightSettings& flight, MoveSc
   if (targets_stand(in.step))
     tolerance_ = std::max(tolerance_,
                           picture_loss(good_enough_share(settings.viewpoint_search.keep_shot_below, count_), count_));
-  list_open_doors();
 }
 
 void PlanPricer::price() {
   for (const TrackedTarget& target : in_.step.targets.tracked_targets) targets_.push_back(target);
   price_limits();
+  list_open_doors();
   const double fastest_mps = fastest_target_mps();
   guesses_ahead_ = fastest_mps * ahead_.ahead_s(kSlices - 1) <= kLimitsMoveM;
   double limits_at_s = 0;

@@ -17,7 +17,7 @@ inline constexpr double kAfterwards = 0.3;
 // Used for one decision; `in`, `flight` and `scratch` must outlive it. Not thread-safe.
 class PlanPricer {
  public:
-  // `scratch` is memory that is used again. Lists the open doors in it.
+  // `scratch` is memory that is used again.
   PlanPricer(const MoveInput& in, const FlightSettings& flight, MoveScratch& scratch);
 
   // Sets the costs of all slices. The scratch's planner must have been laid over the candidates.

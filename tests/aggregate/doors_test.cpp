@@ -71,10 +71,7 @@ TEST(Doors, ALeafThatSlidesAsideIsOpenUntilItIsBack) {
   ASSERT_EQ(open.size(), 1u);
   EXPECT_LT(glm::distance(open[0].shut.middle_m, World::start_m), 1e-9) << "where it shuts, not where it is";
   EXPECT_GT(open[0].weight, 0.8f);
-  EXPECT_FALSE(open[0].shuts);
-  world.pass(0.5, -kAside);
-  EXPECT_TRUE(world.open().at(0).shuts);
-  world.pass(0.5, -kAside);
+  world.pass(1.0, -kAside);
   EXPECT_TRUE(world.open().empty());
 }
 
@@ -145,13 +142,6 @@ bool crosses(const glm::dvec3& from_m, const glm::dvec3& to_m, const glm::dvec3&
   if (std::abs(det) < 1e-12) return false;
   const double u = glm::dot(s, p) / det, v = glm::dot(way, q) / det, t = glm::dot(ac, q) / det;
   return u >= 0 && v >= 0 && u + v <= 1 && t >= 0 && t <= 1;
-}
-
-TEST(Doors, APlateIsAsFarAsItsNearestPoint) {
-  const Plate plate{{1, 2, 3}, {0.5, 0, 0}, {0, 1, 0}};
-  EXPECT_NEAR(distance_m(plate, {1.2, 2.3, 3.7}), 0.7, 1e-12);
-  EXPECT_NEAR(distance_m(plate, {2.1, 2, 3}), 0.6, 1e-12);
-  EXPECT_NEAR(distance_m(plate, {1.8, 3.4, 3}), 0.5, 1e-12);
 }
 
 TEST(Doors, HideWhatTheirPlateCrosses) {
