@@ -102,7 +102,8 @@ Status play(const DemoOptions& options, std::ostream& out, std::ostream& err) {
 std::vector<std::string> scene_names() {
   std::vector<std::string> names;
   for (const scenes::CatalogEntry& entry : scenes::catalog())
-    if (entry.group != scenes::SceneGroup::kTiles) names.push_back(entry.name);
+    if (entry.group != scenes::SceneGroup::kTiles && entry.group != scenes::SceneGroup::kMotion)
+      names.push_back(entry.name);
   return names;
 }
 

@@ -278,7 +278,7 @@ TEST(Policies, ShowANewTargetAsTheFormerOne) {
                           return Scenario::from_asset(*read_gltf(bytes, nullptr, store));
                         }};
   const std::vector<PolicyEntry> chosen{policy_named("follow"), policy_named("spring-arm"), policy_named("sightline")};
-  const auto runs = evaluate(std::span(&scene, 1), chosen, {.picture_every = 3, .picture_size = 64});
+  const auto runs = evaluate(std::span(&scene, 1), chosen, {.picture_every = 3, .picture_size = 64, .progress = {}});
   ASSERT_TRUE(runs) << to_string(runs.error());
   for (const RunRecord& run : *runs) {
     EXPECT_EQ(run.changes.changes, 1u) << run.policy;
@@ -288,7 +288,7 @@ TEST(Policies, ShowANewTargetAsTheFormerOne) {
     EXPECT_EQ(run.turns.turns, 0u) << "the jump of the centre is no turn of a target";
   }
   EXPECT_GT((*runs)[2].changes.longest_answer_s, 0.1) << "it flies there, within its limits";
-  const auto ceiling = evaluate(std::span(&scene, 1), std::vector{policy_named("ceiling-worth")}, {});
+  const auto ceiling = evaluate(std::span(&scene, 1), std::vector{policy_named("ceiling-worth")}, EvaluationOptions());
   ASSERT_FALSE(ceiling);
   EXPECT_EQ(ceiling.error().code, ErrorCode::kFailedPrecondition);
 }
@@ -302,7 +302,7 @@ TEST(Policies, ShowThreePeopleWhoStandFarApart) {
                             return Scenario::from_asset(*read_gltf(bytes, nullptr, store));
                           }};
     const auto runs = evaluate(std::span(&scene, 1), std::vector{policy_named("sightline")},
-                               {.picture_every = 60, .picture_size = 128});
+                               {.picture_every = 60, .picture_size = 128, .progress = {}});
     ASSERT_TRUE(runs) << to_string(runs.error());
     const std::vector<JudgedPicture>& pictures = (*runs)[0].pictures;
     EXPECT_EQ(pictures.front().least_whole_share, 0) << "seed " << seed;
