@@ -38,20 +38,28 @@ bool plate_of(const Instance& instance, Plate& plate) {
 }
 
 void Doors::pass(const SceneMirror& scene, std::span<const uint64_t> target_ids, double dt_s, double clock_s) {
-  for (Leaf& leaf : leaves_) leaf.there = false;
+  const auto may_be_door = [&](const Instance& instance) {
+    return instance.occludes() && instance.collides() && std::ranges::find(target_ids, instance.id) == target_ids.end();
+  };
+  const size_t known = leaves_.size();
+  size_t there = 0;
   for (const uint32_t slot : scene.moving_slots()) {
     const Instance& instance = scene.instances()[slot];
     Plate now;
-    if (!instance.occludes() || !instance.collides() || !plate_of(instance, now)) continue;
-    if (std::ranges::find(target_ids, instance.id) != target_ids.end()) continue;
-    auto leaf = std::ranges::lower_bound(leaves_, instance.id, {}, &Leaf::id);
-    // One that moves for the first time has rested so far.
-    if (leaf == leaves_.end() || leaf->id != instance.id)
-      leaf = leaves_.insert(leaf, {.id = instance.id, .rest = now, .rested_s = clock_s - dt_s});
-    leaf->there = true;
-    follow(*leaf, now, dt_s);
+    if (!may_be_door(instance) || !plate_of(instance, now)) continue;
+    const std::span<Leaf> sorted(leaves_.data(), known);
+    const auto leaf = std::ranges::lower_bound(sorted, instance.id, {}, &Leaf::id);
+    if (leaf != sorted.end() && leaf->id == instance.id)
+      ++there, follow(*leaf, now, dt_s);
+    else  // It moves for the first time, so it has rested so far.
+      leaves_.push_back({.id = instance.id, .rest = now, .rested_s = clock_s});
   }
-  std::erase_if(leaves_, [](const Leaf& leaf) { return !leaf.there; });
+  if (there < known)
+    std::erase_if(leaves_, [&](const Leaf& leaf) {
+      const Instance* instance = scene.find(leaf.id);
+      return !instance || !may_be_door(*instance);
+    });
+  if (leaves_.size() > known || there < known) std::ranges::sort(leaves_, {}, &Leaf::id);
 }
 
 void Doors::follow(Leaf& leaf, const Plate& now, double dt_s) {
@@ -67,17 +75,25 @@ void Doors::follow(Leaf& leaf, const Plate& now, double dt_s) {
     leaf.rest = now, leaf.rested_s = leaf.away_s = 0.0;
 }
 
-void Doors::add_open(const glm::dvec3& center_m, double radius_m, const glm::dvec3& to_m,
-                     std::vector<OpenDoor>& open) const {
+OpenDoors Doors::open(const glm::dvec3& center_m, double radius_m, const glm::dvec3& to_m) const {
   const glm::dvec3 middle_m = (center_m + to_m) / 2.0;
   const double reach_m = glm::distance(center_m, to_m) / 2 + radius_m;
+  const auto away_m = [&](const OpenDoor& door) { return glm::distance(center_m, door.shut.middle_m); };
+  OpenDoors open;
   for (const Leaf& leaf : leaves_) {
     const double weight = leaf.away_s > 0 ? std::exp(-leaf.away_s / kForgetS) : 0.0;
     if (weight < kLeastWeight) continue;
     const double size_m = glm::length(leaf.rest.half_u_m) + glm::length(leaf.rest.half_v_m);
-    if (glm::distance(middle_m, leaf.rest.middle_m) <= reach_m + size_m)
-      open.push_back({leaf.rest, static_cast<float>(weight)});
+    if (glm::distance(middle_m, leaf.rest.middle_m) > reach_m + size_m) continue;
+    const OpenDoor door{leaf.rest, static_cast<float>(weight)};
+    if (open.size() < kMostOpenDoors) {
+      open.push_back(door);
+      continue;
+    }
+    const auto farthest = std::ranges::max_element(open, {}, away_m);
+    if (away_m(door) < away_m(*farthest)) *farthest = door;
   }
+  return open;
 }
 
 void hide_behind(const OpenDoor& door, const Places& places, const glm::dvec3& to_m, std::span<float> hidden) {

@@ -251,8 +251,8 @@ struct StateFields {
   }
   template <typename A, SameAs<Doors::Leaf> T>
   static void each(A& archive, T& leaf) {
-    auto& [id, rest, rested_s, away_s, there] = leaf;
-    archive(id, rest, rested_s, away_s, there);
+    auto& [id, rest, rested_s, away_s] = leaf;
+    archive(id, rest, rested_s, away_s);
   }
   template <typename A, SameAs<Doors> T>
   static void each(A& archive, T& doors) {

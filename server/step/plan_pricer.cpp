@@ -98,7 +98,7 @@ void PlanPricer::price_hidden(size_t slice) {
 void PlanPricer::list_open_doors() {
   doors_.open.clear();
   if (in_.step.targets.steered == 0) return;
-  in_.carried.doors.add_open(in_.bound.center_m, in_.bound.radius_m, in_.step.center_m(), doors_.open);
+  doors_.open = in_.carried.doors.open(in_.bound.center_m, in_.bound.radius_m, in_.step.center_m());
   if (doors_.open.empty()) return;
   const size_t count = lattice_.size();
   doors_.x_m.resize(count), doors_.y_m.resize(count), doors_.z_m.resize(count);

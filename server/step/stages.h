@@ -215,7 +215,7 @@ struct MoveInput {
 };
 // What doors would hide if they shut (server/aggregate/doors.h). All but `open` have one entry a lattice point.
 struct BehindDoors {
-  std::vector<OpenDoor> open;
+  OpenDoors open;
   std::vector<float> x_m, y_m, z_m;          // places, from the middle of the bound
   std::vector<float> of_target, of_targets;  // the share of one target that is hidden, and of all by their weights
 };

@@ -43,11 +43,7 @@ class World {
     ASSERT_TRUE(mirror_.apply(delta, {}));
     doors.pass(mirror_, targets, kTick, clock_s += kTick);
   }
-  std::vector<OpenDoor> open() const {
-    std::vector<OpenDoor> found;
-    doors.add_open({0, 1, -3}, 1, {0, 1, 3}, found);
-    return found;
-  }
+  OpenDoors open() const { return doors.open({0, 1, -3}, 1, {0, 1, 3}); }
 
   static constexpr glm::dvec3 start_m{0, 1, 0};
   glm::dvec3 at_m = start_m;
@@ -67,7 +63,7 @@ TEST(Doors, ALeafThatSlidesAsideIsOpenUntilItIsBack) {
   world.pass(1.0);
   EXPECT_TRUE(world.open().empty()) << "shut";
   world.pass(1.0, kAside);
-  const std::vector<OpenDoor> open = world.open();
+  const OpenDoors open = world.open();
   ASSERT_EQ(open.size(), 1u);
   EXPECT_LT(glm::distance(open[0].shut.middle_m, World::start_m), 1e-9) << "where it shuts, not where it is";
   EXPECT_GT(open[0].weight, 0.8f);
@@ -78,9 +74,9 @@ TEST(Doors, ALeafThatSlidesAsideIsOpenUntilItIsBack) {
 TEST(Doors, OneThatIsOpenForLongIsForgotten) {
   World world(kLeaf);
   world.pass(1.0), world.pass(1.0, kAside);
-  const float weight = world.open().at(0).weight;
+  const float weight = world.open()[0].weight;
   world.pass(3.0);
-  EXPECT_LT(world.open().at(0).weight, 0.7f * weight);
+  EXPECT_LT(world.open()[0].weight, 0.7f * weight);
   world.pass(30.0);
   EXPECT_TRUE(world.open().empty());
 }
@@ -128,9 +124,32 @@ TEST(Doors, OneThatIsRemovedIsForgotten) {
 TEST(Doors, OneThatCannotLieBetweenIsLeftOut) {
   World world(kLeaf);
   world.pass(1.0), world.pass(0.5, kAside);
-  std::vector<OpenDoor> found;
-  world.doors.add_open({0, 1, -30}, 1, {0, 1, -20}, found);
-  EXPECT_TRUE(found.empty());
+  EXPECT_TRUE(world.doors.open({0, 1, -30}, 1, {0, 1, -20}).empty());
+}
+
+// A client may send as many as it likes.
+TEST(Doors, OfManyTheNearestCount) {
+  constexpr int kDoors = 40;
+  GeometryStore store;
+  const auto geometry = *store.intern(*tessellate(BoxShape{glm::vec3(kLeaf)}));
+  SceneMirror mirror;
+  SceneDelta delta;
+  TransformUpdate update;
+  for (int k = 0; k < kDoors; ++k) {
+    const auto id = static_cast<uint64_t>(1 + (k * 17) % kDoors);  // not in the order of the distance
+    const Pose pose{{0, 1, 0.5 * k}, {1, 0, 0, 0}};
+    delta.add.push_back({.id = id, .geometry = geometry, .pose = pose, .linear = glm::dmat3(1.0), .attributes = {}});
+    update.ids.push_back(id), update.poses.push_back(pose);
+  }
+  ASSERT_TRUE(mirror.apply(delta, update));
+  Doors doors;
+  for (int tick = 1; tick <= 60; ++tick) doors.pass(mirror, {}, kTick, tick * kTick);
+  for (Pose& pose : update.poses) pose.position_m.x += 0.5;
+  ASSERT_TRUE(mirror.apply({}, update));
+  doors.pass(mirror, {}, kTick, 1 + kTick);
+  const OpenDoors open = doors.open({0, 1, -1}, 1, {0, 1, 30});
+  ASSERT_EQ(open.size(), kMostOpenDoors);
+  for (const OpenDoor& door : open) EXPECT_LT(door.shut.middle_m.z, 0.5 * kMostOpenDoors);
 }
 
 // Where the segment from `from_m` to `to_m` crosses the triangle (Moller and Trumbore).
