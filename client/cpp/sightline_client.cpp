@@ -24,6 +24,26 @@ void prepare(grpc::ClientContext& context, std::chrono::system_clock::time_point
   show_token(context, token);
 }
 
+// Asks for one page after the other. `call(context, request, response)` is the RPC, and `items(response)` the list of a
+// page.
+template <typename Item, typename Request, typename Response, typename Call, typename Items>
+Result<std::vector<Item>> all_pages(const std::string& token, std::chrono::nanoseconds timeout, Call call,
+                                    Items items) {
+  const auto deadline = deadline_after(timeout);
+  std::vector<Item> all;
+  Request page;
+  do {
+    grpc::ClientContext context;
+    prepare(context, deadline, token);
+    Response response;
+    const grpc::Status status = call(&context, page, &response);
+    if (!status.ok()) return tl::unexpected(error_from_status(status));
+    all.insert(all.end(), items(response).begin(), items(response).end());
+    page.set_page_token(response.next_page_token());
+  } while (!page.page_token().empty());
+  return all;
+}
+
 }  // namespace
 
 Result<std::shared_ptr<grpc::ChannelCredentials>> channel_credentials(const ClientCredentials& credentials,
@@ -95,19 +115,9 @@ Result<v1::UploadSceneResponse> Client::upload_scene(std::span<const std::byte> 
 }
 
 Result<std::vector<std::string>> Client::list_scenes(std::chrono::nanoseconds timeout) {
-  const auto deadline = deadline_after(timeout);
-  std::vector<std::string> names;
-  v1::ListScenesRequest page;
-  do {
-    grpc::ClientContext context;
-    prepare(context, deadline, connection_->token);
-    v1::ListScenesResponse response;
-    const grpc::Status status = connection_->stub->ListScenes(&context, page, &response);
-    if (!status.ok()) return tl::unexpected(error_from_status(status));
-    names.insert(names.end(), response.names().begin(), response.names().end());
-    page.set_page_token(response.next_page_token());
-  } while (!page.page_token().empty());
-  return names;
+  return all_pages<std::string, v1::ListScenesRequest, v1::ListScenesResponse>(
+      connection_->token, timeout, [&](auto&&... of) { return connection_->stub->ListScenes(of...); },
+      [](const v1::ListScenesResponse& page) -> const auto& { return page.names(); });
 }
 
 Result<v1::GetServerInfoResponse> Client::server_info(std::chrono::nanoseconds timeout) {
@@ -129,19 +139,9 @@ Result<v1::GetServerStatsResponse> Client::server_stats(std::chrono::nanoseconds
 }
 
 Result<std::vector<v1::SessionFigures>> Client::list_sessions(std::chrono::nanoseconds timeout) {
-  const auto deadline = deadline_after(timeout);
-  std::vector<v1::SessionFigures> sessions;
-  v1::ListSessionsRequest page;
-  do {
-    grpc::ClientContext context;
-    prepare(context, deadline, connection_->token);
-    v1::ListSessionsResponse response;
-    const grpc::Status status = connection_->stub->ListSessions(&context, page, &response);
-    if (!status.ok()) return tl::unexpected(error_from_status(status));
-    sessions.insert(sessions.end(), response.sessions().begin(), response.sessions().end());
-    page.set_page_token(response.next_page_token());
-  } while (!page.page_token().empty());
-  return sessions;
+  return all_pages<v1::SessionFigures, v1::ListSessionsRequest, v1::ListSessionsResponse>(
+      connection_->token, timeout, [&](auto&&... of) { return connection_->stub->ListSessions(of...); },
+      [](const v1::ListSessionsResponse& page) -> const auto& { return page.sessions(); });
 }
 
 Result<std::unique_ptr<ClientSession>> Client::open_session(const v1::OpenSession& request,
