@@ -15,7 +15,7 @@ struct DoorsOptions {
   // [0.5, 60]: time from the second target's passing until the door starts to close. It is half shut 0.5 s later and
   // shut 1 s later. At 0.7, a follower as fast as the targets gets through up to about 2 m behind the second.
   double hold_s = 0.7;
-  double wait_s = 0.0;  // >= 0: the targets wait for so long at first, so that the first door is seen shut
+  double wait_s = 0.0;  // >= 0; the targets stand still for this time at first, so that the first door is seen shut
   bool roofed = false;  // closes the rooms above the walls (3 m): then the doors are the only way
 };
 

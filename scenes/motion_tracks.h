@@ -1,6 +1,7 @@
-// Reads recorded motion of real people from a folder: 137 people who walk round the corner of a corridor (experiments
-// of Forschungszentrum Juelich, IAS-7, as in the reference tests of PedPy, MIT), and an attack of footballers with the
-// ball (Last Row, Friends of Tracking Data). The recordings are not part of this project.
+// Reads recorded motion from a folder. One recording holds 137 people who walk round the corner of a corridor
+// (experiments of Forschungszentrum Juelich, IAS-7, as in the reference tests of PedPy, MIT). The other holds the
+// players and the ball of a football attack (Last Row, Friends of Tracking Data). The recordings are not part of this
+// project.
 #pragma once
 
 #include <glm/glm.hpp>
@@ -25,8 +26,8 @@ struct Track {
   std::vector<glm::dvec3> positions_m;
 
   double last_s() const { return first_s + static_cast<double>(positions_m.size() - 1) / rate_hz; }
-  // By a cubic through the neighbouring samples; before the first and after the last one the body goes on as it went
-  // over the first and the last second.
+  // By a cubic through the neighbouring samples. Before the first sample and after the last one the body goes straight
+  // on along x or z, at its mean speed of the first or the last second.
   glm::dvec3 position_m(double time_s) const;
 };
 

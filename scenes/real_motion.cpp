@@ -15,7 +15,7 @@ namespace {
 constexpr double kCornerDuration_s = 14.0, kBeforeCorner_s = 4.0;  // before the first of the targets was recorded
 constexpr double kHalfCorridor_m = 1.5, kCorridorLength_m = 40.0, kCeiling_m = 2.8, kWall_m = 0.25;
 constexpr double kWalkerRadius_m = 0.22, kAboveHead_m = 0.1;
-constexpr double kNear_m = 10.0;  // others who come so near to the first target are in the scene
+constexpr double kNear_m = 10.0;  // others are in the scene if they come so near to the first target
 constexpr size_t kFirstChoices = 7, kChoiceStep = 13, kChoices = 110;
 constexpr double kCornerCameraBehind_m = 3.5, kCornerEye_m = 2.1;
 constexpr double kAttackDuration_s = 9.7, kBallRadius_m = 0.11;

@@ -1,4 +1,4 @@
-// Real motion: people and footballers who move as they were recorded (motion_tracks.h), in scenes made around them.
+// Scenes in which people and footballers move as they were recorded (motion_tracks.h).
 #pragma once
 
 #include <cstddef>

@@ -27,9 +27,9 @@ struct RunnerOptions {
 };
 std::vector<std::byte> make_runner(const RunnerOptions& options);
 
-// Two people talk in a room under a ceiling at 2.8 m, 1.6 m apart, and step about a little; others walk past between
-// them and the walls. The head of one is the target ("listener-head" would be in the way of the picture over the
-// shoulder of the other, so only "speaker-head" is one). The camera starts over the listener's right shoulder.
+// Two people talk in a room under a ceiling at 2.8 m. They stand 1.6 m apart and step about a little, and two others
+// walk past. Only the speaker's head is a target ("speaker-head"). The camera starts over the listener's right
+// shoulder.
 struct ConversationOptions {
   uint64_t seed = 1;
   double duration_s = 20.0;  // [1, 600]

@@ -41,8 +41,8 @@ struct EvaluateOptions {
 
 // The scene cases that the options ask for, one a seed. A generated scene that comes in several sizes gives a case for
 // each size: the arena with 2 to 8 targets, the crowd with 0 to 35 others. A file is the same at every seed; only the
-// session's seed changes. kNotFound: a name is neither a generated scene nor a file, a group does not exist, or a scene
-// of tiles or of recorded motion lacks its folder.
+// session's seed changes. kNotFound: a name is neither a generated scene nor a file, a group does not exist, or the
+// folder of the tiles or of the recorded motion is missing. kInvalidArgument: a recording is broken.
 Result<std::vector<SceneCase>> cases_of(const EvaluateOptions& options);
 
 // 0 when everything was played and written, else 1 with the reason on `err`.

@@ -50,8 +50,8 @@ struct ActorMotion {
 class Scenario {
  public:
   // Errors name the node: field "nodes[Guard].extras.sightline.role". kInvalidArgument: an unknown role, no camera, or
-  // more than one. Also a role on a node whose name is missing or not unique, a weight that is not a number >= 0, spans
-  // of time that are not in order, and a time at which no node is a target although some are at others.
+  // more than one. Also a role on a node whose name is missing or not unique, and a weight that is not a number >= 0.
+  // With "during": spans of time that are not in order, and a time at which no node is a target.
   static Result<Scenario> from_asset(std::shared_ptr<const SceneAsset> asset);
   // Reads the file first.
   static Result<Scenario> read(const std::string& path, GeometryStore& store);

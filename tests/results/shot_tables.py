@@ -122,7 +122,7 @@ def subjects_part(runs):
 The subject changes, turns back, talks, or stands too far away ([subjects](../../scenes/README.md#subjects)); people and footballers move as they were recorded ([recorded motion](../../scenes/README.md#recorded-motion)).
 *Answer* is the time from a change of targets to the first picture that shows the new ones whole with every property of the shot within half of its limit; *longest* is that of any run. In `cycle-far` the limits of the camera
 allow 3.5 s at best. *Blind* is the longest time of any run without a pixel of any target. `chase` and `over-right-shoulder` are shots by name, judged against themselves; a runner who turns back at 5 m/s
-every 1.6 s is faster round than a camera 5 m behind with 10 m/s. The spring arm keeps no limits: it jumps, through bodies and walls.
+every 1.6 s is faster round than a camera 5 m behind with 10 m/s. The spring arm has no limits of speed: it jumps to the new subject at once, also through bodies and walls.
 
 """ + markdown(["<scene", "<policy", "seeds", "worth", "whole", "shot kept", "sight loss", "shot loss", "asked height", "height", "changes", "answer s", "longest s", "blind s", "collisions"],
                [subject_row(*group) for group in groups if group[2]])
