@@ -68,9 +68,10 @@ double body_m(const MoveInput& in) {
 }
 
 // Sets the clearance of candidates to 0 where a moving collider, such as a cart, is about to be. No plan then leads to
-// them or through them.
+// them or through them. A later look would close places that a mover may never come to.
+constexpr size_t kSoonLook = 2;  // of kEvadeS
 void give_way(const MoveInput& in, double body_radius_m, std::vector<float>& clearance_m) {
-  const ClearanceField& soon = in.surroundings.movers_ahead.back();
+  const ClearanceField& soon = in.surroundings.movers_ahead[kSoonLook];
   if (soon.collider_count() == 0) return;
   const auto& position_m = in.sights.position_m;
   for (size_t i = 0; i < position_m.size(); ++i)
