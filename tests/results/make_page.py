@@ -119,12 +119,13 @@ each target's whole body that the picture shows.
 
 
 def take_over_reasons(folder, raw):
-    """Sums of the default's claims over all runs."""
+    """Sums of the default's claims over all runs. They are those of all scenes, so DIR must hold a run of each."""
     rows = [row for name in ("scenes", "levels", "tiles", "roofs") if (raw / name / "reasons.csv").exists()
             for row in select(read_table(raw / name / "reasons.csv"), policy="sightline")]
     sums = [{"reason": reason, "runs": len(of := select(rows, reason=reason)), "claims": sum(row["claims"] for row in of), "false_claims": sum(row["false_claims"] for row in of)}
             for reason in sorted(distinct(rows, "reason"))]
-    if sums:
+    shown = read_table(folder / "scenes.csv") if (folder / "scenes.csv").exists() else []
+    if sums and {row["scene"] for row in rows} >= {row["scene"] for row in shown}:
         write_table(folder / "reasons.csv", list(sums[0]), sums)
 
 

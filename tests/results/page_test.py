@@ -537,5 +537,29 @@ class Page(unittest.TestCase):
             self.assertEqual(levels_page.levels_page(HERE, make_page.measured_ceilings(HERE)), (HERE / "levels.md").read_text(encoding="utf-8"))
 
 
+# ---- runs that are played again ----
+
+class Reasons(unittest.TestCase):
+    """Their sums are those of all scenes."""
+
+    def sums_after(self, *scenes):
+        with tempfile.TemporaryDirectory() as name:
+            folder, raw = pathlib.Path(name, "page"), pathlib.Path(name, "raw")
+            folder.mkdir(), (raw / "scenes").mkdir(parents=True)
+            (folder / "scenes.csv").write_text("scene\nhall\ndoors\n")
+            (folder / "reasons.csv").write_text("reason,runs,claims,false_claims\nother_shot,9,90,3\n")
+            rows = "".join(f'"{scene}",1,2,"sightline",other_shot,5,1\n' for scene in scenes)
+            (raw / "scenes" / "reasons.csv").write_text("scene,seed,targets,policy,reason,claims,false_claims\n" + rows)
+            make_page.take_over_reasons(folder, raw)
+            row, = figures.read_table(folder / "reasons.csv")
+            return row["runs"], row["claims"], row["false_claims"]
+
+    def test_one_scene_alone_leaves_them(self):
+        self.assertEqual(self.sums_after("doors"), (9, 90, 3))
+
+    def test_all_scenes_replace_them(self):
+        self.assertEqual(self.sums_after("doors", "hall"), (2, 10, 2))
+
+
 if __name__ == "__main__":
     unittest.main()
