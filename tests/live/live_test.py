@@ -148,8 +148,11 @@ class Trial(unittest.TestCase):
         self.daemon.start()
         with Relay(self.daemon.address, delay_s=0.025) as relay:
             game = self.game(0.0, relay.address)
-            game.play(4.0)
-            frames = game.frames[60:]
+            game.play(5.0)
+            # A runtime that compiles as it goes takes longer to open its session on a busy machine.
+            opened = sources(game.frames).index("predicted")
+            self.assertLess(opened, 3 * 60)
+            frames = game.frames[opened:]
             self.report("far", frames, 0.0)
             self.check_calls(frames, 0.0)
             self.check_calm(frames)
