@@ -38,8 +38,9 @@ SafeMove make_safe(const CameraState& camera, const glm::dvec3& wanted_mps, cons
 std::optional<glm::dvec3> way_out(const ClearanceField& field, const glm::dvec3& from_m, double body_radius_m);
 
 // The times, in seconds ahead, at which the camera checks for colliders that come towards it. They are so close that
-// nothing of a person's size passes between two checks. The last is about the time that a camera on foot needs to stop.
-// One that looks less far ahead enters a doorway whose door begins to shut, and can neither pass nor turn back.
+// nothing of a person's size passes between two checks. The last is the time in which a camera with the default limits
+// stops from 4.5 m/s, the speed of a plan: v / a + a / j. A camera that looks less far ahead comes to a closing door
+// too fast to stop, and too late to pass.
 inline constexpr std::array<double, 4> kEvadeS = {0.12, 0.24, 0.4, 0.55};
 using MoversAhead = std::array<ClearanceField, kEvadeS.size()>;  // by kEvadeS, from gather_movers
 

@@ -67,9 +67,12 @@ double body_m(const MoveInput& in) {
   return swept_radius_m(in.step.input.limits, in.step.lens);
 }
 
+// The look of kEvadeS at which a moving collider closes places to the plan. A later one would close places to which the
+// mover may never come.
+constexpr size_t kSoonLook = 2;
+
 // Sets the clearance of candidates to 0 where a moving collider, such as a cart, is about to be. No plan then leads to
-// them or through them. A later look would close places that a mover may never come to.
-constexpr size_t kSoonLook = 2;  // of kEvadeS
+// them or through them.
 void give_way(const MoveInput& in, double body_radius_m, std::vector<float>& clearance_m) {
   const ClearanceField& soon = in.surroundings.movers_ahead[kSoonLook];
   if (soon.collider_count() == 0) return;
