@@ -26,8 +26,9 @@ using Stage = HttpConnection::Stage;
 
 // Connections accepted in a round, so that those that are there are looked at in between.
 constexpr int kAcceptsInRound = 16;
-// A connection keeps its place for so long, so that its request can come, unless many wait for a place.
-constexpr std::chrono::milliseconds kLeastTime{25};
+// A connection keeps its place for so long, so that its request can come, unless many wait for a place. A container may
+// stand still so long when it has used up its share of the processors (a period of the kernel's quota).
+constexpr std::chrono::milliseconds kLeastTime{100};
 // After an accept that failed for want of descriptors or memory; without the pause the thread would spin.
 constexpr std::chrono::milliseconds kAfterFailure{20};
 

@@ -38,6 +38,8 @@ class Attack:
     beside_is_another_client: bool = False
     # Memory of uploads that stay for sessions to come, as they should.
     stays_mib: float = 0.0
+    # How much later an answer may come because the attack keeps the daemon from running at all.
+    stopped_ms: float = 0.0
 
 
 def refusal(call, *arguments, **more):

@@ -75,10 +75,13 @@ def processor_s(daemon):
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
+STOP_S = 0.15
+
+
 class Stopped:
     """While it is entered, the system stops the daemon again and again, for `stop_s`."""
 
-    def __init__(self, daemon, stop_s=0.15, run_s=0.05):
+    def __init__(self, daemon, stop_s, run_s=0.05):
         self.daemon, self.stop_s, self.run_s, self.ending, self.count = daemon, stop_s, run_s, threading.Event(), 0
 
     def _go(self):
@@ -105,13 +108,27 @@ def heavy_tuning():
     return json_format.ParseDict({"sample": {"points": 16, "resolution": 40}}, Tuning())
 
 
-def ticks_while_stopped(daemon, ticks):
-    """(answered, refused) ticks of a heavy session, and how often the daemon was stopped meanwhile."""
+def open_heavy(daemon):
     from sightline.v1.session_pb2 import DEGRADATION_POLICY_NEVER
-    answered = refused = 0
-    with open_session(daemon.address, targets=24, tuning=heavy_tuning(), degradation_policy=DEGRADATION_POLICY_NEVER) as session:
+    return open_session(daemon.address, targets=24, tuning=heavy_tuning(), degradation_policy=DEGRADATION_POLICY_NEVER)
+
+
+def heavy_tick_s(daemon, ticks=20):
+    """The processor time of a tick of a heavy session, in seconds."""
+    with open_heavy(daemon) as session:
         session.tick()
-        with Stopped(daemon) as stopped:
+        before = processor_s(daemon)
+        for n in range(ticks):
+            session.tick(transforms={"ids": [1], "positions": [0.02 * n, 0.9, 0]})
+        return (processor_s(daemon) - before) / ticks
+
+
+def ticks_while_stopped(daemon, ticks, stop_s=STOP_S):
+    """(answered, refused) ticks of a heavy session, and how often the daemon was stopped meanwhile."""
+    answered = refused = 0
+    with open_heavy(daemon) as session:
+        session.tick()
+        with Stopped(daemon, stop_s) as stopped:
             for n in range(ticks):
                 session.sends(transforms={"ids": [1], "positions": [0.02 * n, 0.9, 0]})
                 told = session.reads().HasField("camera")
@@ -190,5 +207,5 @@ ATTACKS = [
            beside_is_another_client=True),
     Attack("23c", "100,000 honest nodes", "2.2 s", many_nodes, stays_mib=100_000 * 300 / (1 << 20)),  # 300 bytes an instance
     Attack("32", "a daemon that is stopped again and again", "ticks refused by --max-maps-ms", stops, flags=("--max-step-cost-ms", "0"),
-           options=unix_socket_too, beside_is_another_client=True),
+           options=unix_socket_too, beside_is_another_client=True, stopped_ms=1e3 * STOP_S),
 ]

@@ -10,8 +10,7 @@ import attacks
 import grpc
 from attacks import Attack, until_end
 from daemon import CONTROL, Daemon
-from probing import (HeldPort, asks_again_and_again, is_silent, operators_of, probe, resets, sends_a_header_now_and_then, sends_an_endless_header,
-                     sends_many_requests_at_once, takes_no_answer)
+from probing import HeldPort, operators_of, probe
 from shifted_clock import ShiftedClock
 
 METRICS = ("--metrics-listen", "127.0.0.1:0")
@@ -66,14 +65,14 @@ def clock_set_back(daemon):
 
 ATTACKS = [
     Attack(number, name, before, functools.partial(hold, behave, count, anywhere), flags=METRICS) for number, name, before, behave, count, anywhere in (
-        ("27a", "eight silent connections to the metrics port", "/livez fails 4 of 4", is_silent, 8, False),
-        ("27b", "200 of them, each from another address", "", is_silent, 200, True),
-        ("27c", "200 that send a header now and then", "", sends_a_header_now_and_then, 200, True),
-        ("27d", "40 that take no answer", "", takes_no_answer, 40, False),
-        ("27e", "thousands of requests on one connection", "", sends_many_requests_at_once, 8, False),
-        ("27f", "headers without end", "", sends_an_endless_header, 8, False),
-        ("27g", "/metrics asked for without a pause", "", asks_again_and_again, 8, False),
-        ("27h", "connections made and reset", "", resets, 8, False))
+        ("27a", "eight silent connections to the metrics port", "/livez fails 4 of 4", "is_silent", 8, False),
+        ("27b", "200 of them, each from another address", "", "is_silent", 200, True),
+        ("27c", "200 that send a header now and then", "", "sends_a_header_now_and_then", 200, True),
+        ("27d", "40 that take no answer", "", "takes_no_answer", 40, False),
+        ("27e", "thousands of requests on one connection", "", "sends_many_requests_at_once", 8, False),
+        ("27f", "headers without end", "", "sends_an_endless_header", 8, False),
+        ("27g", "/metrics asked for without a pause", "", "asks_again_and_again", 8, False),
+        ("27h", "connections made and reset", "", "resets", 8, False))
 ] + [
     Attack(28, "the wall clock is set back by 60 s", "/livez 503 after 10 s; no open timeout; SIGTERM hangs over 20 s", clock_set_back),
 ]

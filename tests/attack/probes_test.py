@@ -17,7 +17,6 @@ sys.path[:0] = [STUBS, str(pathlib.Path(__file__).parents[1] / "metrics")]
 
 import grpc  # noqa: E402
 
-import probing  # noqa: E402
 from daemon import CONTROL, HEALTH, SERVICE, Daemon, FlowingConnection, RawConnection, flood, frame, message  # noqa: E402
 from held_thread import WAIT_FOR_ALL, HeldThread  # noqa: E402
 from probing import HeldPort, operators_of, probe  # noqa: E402
@@ -59,33 +58,33 @@ class MetricsPort(unittest.TestCase):
                 self.assertEqual(session.tick().sequence, 1)
 
     def test_eight_silent_connections_that_are_made_again(self):
-        self.hold(probing.is_silent, 8)
+        self.hold("is_silent", 8)
 
     def test_more_silent_connections_than_places(self):
-        self.hold(probing.is_silent, 200)
+        self.hold("is_silent", 200)
 
     def test_silent_connections_from_many_addresses(self):
-        self.hold(probing.is_silent, 200, anywhere=True)
+        self.hold("is_silent", 200, anywhere=True)
 
     def test_headers_that_drip(self):
-        self.hold(probing.sends_a_header_now_and_then, 8)
-        self.hold(probing.sends_a_header_now_and_then, 200, anywhere=True)
+        self.hold("sends_a_header_now_and_then", 8)
+        self.hold("sends_a_header_now_and_then", 200, anywhere=True)
 
     def test_answers_that_are_not_taken(self):
-        self.hold(probing.takes_no_answer, 40)
+        self.hold("takes_no_answer", 40)
 
     def test_many_requests_on_one_connection(self):
-        self.hold(probing.sends_many_requests_at_once, 8)
+        self.hold("sends_many_requests_at_once", 8)
 
     def test_headers_without_end(self):
-        self.hold(probing.sends_an_endless_header, 8)
+        self.hold("sends_an_endless_header", 8)
 
     def test_the_longest_page_asked_for_without_a_pause(self):
-        self.hold(probing.asks_again_and_again, 8)
+        self.hold("asks_again_and_again", 8)
 
     def test_connections_made_and_reset(self):
-        self.hold(probing.resets, 8)
-        self.hold(probing.resets, 8, anywhere=True)
+        self.hold("resets", 8)
+        self.hold("resets", 8, anywhere=True)
 
     def test_probes_beside_a_flood_of_calls(self):
         with Daemon("--metrics-listen", "127.0.0.1:0") as daemon:
@@ -243,7 +242,7 @@ class Stopping(unittest.TestCase):
     def test_it_answers_again_after_a_start_at_the_same_addresses(self):
         with Daemon("--metrics-listen", "127.0.0.1:0") as first:
             operators, address = operators_of(first), first.address
-            with HeldPort(operators, probing.is_silent, 8):
+            with HeldPort(operators, "is_silent", 8):
                 self.assertEqual(first.stop(), 0)
                 with Daemon("--metrics-listen", operators, listen=("--listen", address)) as second:
                     self.assertTrue(info(second.address).version)

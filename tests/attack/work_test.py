@@ -17,7 +17,7 @@ sys.path.insert(0, STUBS)
 import grpc  # noqa: E402
 
 from daemon import Daemon  # noqa: E402
-from endless_work import empty_objects, honest_nodes, open_for_minutes, processor_s, soup, ticks_while_stopped  # noqa: E402
+from endless_work import empty_objects, heavy_tick_s, honest_nodes, open_for_minutes, processor_s, soup, ticks_while_stopped  # noqa: E402
 from relay import Relay  # noqa: E402
 from scenes import glb, scene_of  # noqa: E402
 from sessions import open_session, upload  # noqa: E402
@@ -127,8 +127,13 @@ class Steps(unittest.TestCase):
 
 class Stops(unittest.TestCase):
     def test_a_daemon_that_does_not_run_refuses_nothing_and_is_replayed(self):
-        with tempfile.TemporaryDirectory() as folder, Daemon("--record-dir", folder, "--max-step-cost-ms", "0", "--max-maps-ms", "50") as daemon:
-            answered, refused, stops = ticks_while_stopped(daemon, 200)
+        with Daemon("--max-step-cost-ms", "0", "--max-maps-ms", "0") as daemon:
+            tick_s = heavy_tick_s(daemon)
+        # Far more than the maps of a tick take on this machine, and less than a stop.
+        limit_s = max(0.05, 4 * tick_s)
+        with tempfile.TemporaryDirectory() as folder, \
+                Daemon("--record-dir", folder, "--max-step-cost-ms", "0", "--max-maps-ms", f"{1e3 * limit_s:.0f}") as daemon:
+            answered, refused, stops = ticks_while_stopped(daemon, 200, 3 * limit_s)
             self.assertGreater(stops, 3)
             self.assertEqual((answered, refused), (200, 0))
             daemon.stop()

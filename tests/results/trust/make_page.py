@@ -55,7 +55,8 @@ def attacks():
     passed = sum(row.get("passed", False) for row in data["rows"])
     return (f"A session at 60 Hz runs beside each attack, for {data['seconds']:.0f} s, on {data['cpus']} CPUs that daemon, attacker and session share. "
             f"An attack passes when every tick of the session was answered with a p99 under 33 ms, and the daemon's memory was back within 10 % "
-            f"{data['after_s']:.0f} s after it. The memory is before, at most, and after. \"Before\" is what the attack did when it was first tried, on "
+            f"{data['after_s']:.0f} s after it. Scenes that are kept for sessions to come may stay in memory; and an attack that stops the daemon itself "
+            f"for {max(row.get('stopped_ms', 0) for row in data['rows']):.0f} ms may delay an answer by as much. The memory is before, at most, and after. \"Before\" is what the attack did when it was first tried, on "
             f"a daemon without gate and budgets. {passed} of {len(data['rows'])} passed.\n\n" +
             table(["#", "attack", "before", "now", "p99 beside it", "memory", ""], rows) +
             "\n`tests/attack` asserts the same without times (`ctest -R Attack_`); [its page](../../attack/README.md) says what stops each attack.\n")
