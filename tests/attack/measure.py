@@ -2,8 +2,8 @@
 
   measure.py SIGHTLINED STUBS [--out FILE] [--probes-out FILE] [--after SECONDS] [--seconds N] [--only NUMBER...]
 
-Prints a line an attack and writes the figures to FILE as JSON. Run it on an idle machine:
-attacker and healthy client share its CPUs with the daemon. An attack passes when every tick of the healthy session was answered, its p99 is
+Prints a line an attack and writes the figures to FILE as JSON. Each daemon has a control group with 512 MiB, where one can be made. Run it on an
+idle machine: attacker and healthy client share its CPUs with the daemon. An attack passes when every tick of the healthy session was answered, its p99 is
 under 33 ms beyond the time for which the attack stops the daemon itself, and the memory is back within 10 % of what it was before, but for uploads
 that stay. With --probes-out, the gRPC health service and
 /livez are asked ten times a second meanwhile (prober.py).
@@ -27,6 +27,7 @@ parser.add_argument("--seconds", type=float, default=8.0, help="length of an att
 parser.add_argument("--only", nargs="+", default=[], metavar="NUMBER", help="numbers of the attacks to run, such as 30 or 31a")
 options = parser.parse_args()
 attack.Daemon.path = options.sightlined
+attack.in_containers()
 sys.path.insert(0, options.stubs)
 
 import attacks  # noqa: E402
@@ -109,7 +110,8 @@ def main():
     rows.sort(key=lambda row: order.index(row["number"]))
     if options.out:
         with open(options.out, "w") as file:
-            json.dump({"cpus": os.cpu_count(), "seconds": options.seconds, "after_s": options.after, "rows": rows}, file, indent=1)
+            json.dump({"cpus": os.cpu_count(), "seconds": options.seconds, "after_s": options.after, "memory_limit_mib": attack.Daemon.memory_limit_mib,
+                       "rows": rows}, file, indent=1)
             file.write("\n")
     if options.probes_out:
         with open(options.probes_out, "w") as file:

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Makes the page on trust: README.md in this folder. Everything on it comes from files beside it, which these runs write:
-#   tests/results/trust/make.sh                 # attacks, deltas, version skew; then the page. 10 minutes on 2 idle cores
+#   tests/results/trust/make.sh                 # attacks, deltas, version skew; then the page. 30 minutes on 2 idle cores
+#   tests/results/trust/make.sh --mixes N       # N mixes of frames as well; 1,000 take 45 minutes
 #   tests/results/trust/make.sh --soak HOURS    # a soak as well
 #   tests/results/trust/make.sh --faults        # 10,000 killed streams and 100 killed daemons as well; 6 minutes
 #   tests/results/trust/make.sh --fuzz MINUTES  # fuzzing as well; its executions are added to those of former runs
@@ -8,9 +9,10 @@
 #   tests/results/trust/make.sh --page          # the page alone
 set -euo pipefail
 cd "$(dirname "$0")/../../.."
-here=tests/results/trust soak="" faults=false fuzz="" mutants="" page_only=false
+here=tests/results/trust mixes="" soak="" faults=false fuzz="" mutants="" page_only=false
 while [ $# -gt 0 ]; do
   case $1 in
+    --mixes) mixes=$2; shift 2 ;;
     --soak) soak=$2; shift 2 ;;
     --faults) faults=true; shift ;;
     --fuzz) fuzz=$2; shift 2 ;;
@@ -30,6 +32,11 @@ if ! $page_only; then
     --probes-out "../../$here/probes.json") || status=1
   "$bin/delta_storm" 100000 >"$here/deltas.txt" || status=1
   /usr/bin/python3 tests/skew/skew_test.py "$bin/sightlined" build/release/python || status=1
+fi
+if [ -n "$mixes" ]; then
+  (cd tests/attack && /usr/bin/python3 mixes.py ../../build/release/bin/sightlined ../../build/release/python --mixes "$mixes" \
+    --out ../../build/mixes.json) || status=1
+  /usr/bin/python3 "$here/make_page.py" --mixes build/mixes.json
 fi
 if [ -n "$soak" ]; then
   tests/soak.sh "$soak" || status=1

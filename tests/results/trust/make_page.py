@@ -3,6 +3,7 @@
 
     make_page.py                               # the page
     make_page.py --add-executions FILE         # counts of tests/fuzz.sh are added to fuzz.csv first
+    make_page.py --mixes FILE                  # mixes.json is written first, from what tests/attack/mixes.py wrote
 """
 import argparse
 import csv
@@ -54,6 +55,7 @@ def attacks():
     rows = [row[:7] for row in rows]
     passed = sum(row.get("passed", False) for row in data["rows"])
     return (f"A session at 60 Hz runs beside each attack, for {data['seconds']:.0f} s, on {data['cpus']} CPUs that daemon, attacker and session share. "
+            f"{'The daemon has ' + str(data['memory_limit_mib']) + ' MiB, as in the default container. ' if data.get('memory_limit_mib') else ''}"
             f"An attack passes when every tick of the session was answered with a p99 under 33 ms, and the daemon's memory was back within 10 % "
             f"{data['after_s']:.0f} s after it. Scenes that are kept for sessions to come may stay in memory; and an attack that stops the daemon itself "
             f"for {max(row.get('stopped_ms', 0) for row in data['rows']):.0f} ms may delay an answer by as much. The memory is before, at most, and after. \"Before\" is what the attack did when it was first tried, on "
@@ -75,6 +77,32 @@ def probes():
     return (f"Beside each of these attacks, for {data['seconds']:.0f} s, a prober asked whether the daemon lives, ten times a second and each time on a new "
             f"connection, as Kubernetes does. It came from an address of its own. {data.get('note', '')}\n\n" +
             table(["asked", "times", "good answers", "median", "longest wait", "beside attack"], rows))
+
+
+def mixes():
+    data = load("mixes.json")
+    if not data:
+        return "Not measured yet: `tests/results/trust/make.sh --mixes 1000`.\n"
+    late = "none" if not data["late"] else ", ".join(str(number) for number in data["late"])
+    rows = [["healthy session, p99 beside a mix", f"{data['p99_ms']['p50']} ms in the median, {data['p99_ms']['p99']} ms at the 99th percentile, "
+             f"{data['p99_ms']['max']} ms at most", ""],
+            ["the same between mixes", f"{data['quiet_p99_ms']} ms", ""],
+            ["mixes that delayed it each of three times", late, verdict(not data["late"])],
+            ["all ticks answered, and the memory back within 10 %", data["failed"] or "yes", verdict(not data["failed"])]]
+    return (f"`tests/attack/mixes.py` draws frames of every type and size at random, with counts, flags and streams that a client may or may not send, and "
+            f"floods for {data['seconds']:g} s with each of {data['mixes']:,} mixes, {data['sent_mb']:,} MB in all. One session of another client ticks at "
+            f"60 Hz all the while. A mix is late when the session's p99 is over 33 ms and over three times that of the quiet times before it. The daemon "
+            f"has 512 MiB. {data.get('note', '')}\n\n" + table(["", "figure", ""], rows))
+
+
+def sum_up_mixes(path):
+    """Writes mixes.json from what `tests/attack/mixes.py --out` wrote."""
+    of = json.loads(pathlib.Path(path).read_text())
+    waits = sorted(row["p99_ms"] for row in of["rows"])
+    data = {"mixes": len(waits), "seconds": of["seconds"], "sent_mb": round(sum(row["sent_mb"] for row in of["rows"])),
+            "p99_ms": {"p50": waits[len(waits) // 2], "p99": waits[int(0.99 * len(waits))], "max": waits[-1]}, "quiet_p99_ms": of["quiet_p99_ms"],
+            "late": [row["mix"] for row in of["rows"] if row["late"]], "failed": of["failed"]}
+    (HERE / "mixes.json").write_text(json.dumps(data, indent=1) + "\n")
 
 
 def soak():
@@ -196,7 +224,7 @@ def skew():
 
 
 def page():
-    parts = [HEAD, "## Attacks\n\n" + attacks(), "## Probes\n\n" + probes(), "## Soak\n\n" + soak(), "## Faults\n\n" + faults(), "## Deltas under overload\n\n" + deltas(), "## Fuzzing\n\n" + fuzzing(),
+    parts = [HEAD, "## Attacks\n\n" + attacks(), "## Probes\n\n" + probes(), "## Mixes of frames\n\n" + mixes(), "## Soak\n\n" + soak(), "## Faults\n\n" + faults(), "## Deltas under overload\n\n" + deltas(), "## Fuzzing\n\n" + fuzzing(),
              "## Versions\n\n" + skew(), "## Mutants\n\n" + mutation(), "## What users expect of such a service\n\n" + (HERE / "promises.md").read_text()]
     return "\n".join(parts)
 
@@ -209,7 +237,10 @@ def commands():
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--add-executions", metavar="FILE")
+    parser.add_argument("--mixes", metavar="FILE")
     options = parser.parse_args()
+    if options.mixes:
+        sum_up_mixes(options.mixes)
     if options.add_executions:
         add_executions(options.add_executions)
     (HERE / "README.md").write_text(page(), encoding="utf-8")
