@@ -27,7 +27,6 @@ Says says(MoveReason reason) {
     case MoveReason::kBestPartial:
       return Says::kNoneSeesAll;
     case MoveReason::kHorizonGrown:
-    case MoveReason::kOnTrail:
       return Says::kNoneSeesAny;
     default:
       return Says::kNothing;

@@ -9,14 +9,10 @@ MoveReason reason_of(FlightCourse course, const WhatIsSeen& seen) {
       return MoveReason::kStays;
     case FlightCourse::kToView:
       return MoveReason::kNearestView;
-    case FlightCourse::kTrail:
-      return MoveReason::kOnTrail;
     case FlightCourse::kApproach:
       return MoveReason::kHorizonGrown;
     case FlightCourse::kFarWay:
       return MoveReason::kFarWay;
-    case FlightCourse::kToShot:
-      return MoveReason::kFarViewpoint;
     case FlightCourse::kFollow:
       if (all) return seen.other_shot ? MoveReason::kOtherShot : MoveReason::kAtDesiredPlace;
       break;
@@ -38,10 +34,6 @@ std::string_view explain(MoveReason reason) {
       return "no position in reach is known to see all targets; going to the best partial view";
     case MoveReason::kHorizonGrown:
       return "no position in reach is known to see any target; looking farther away";
-    case MoveReason::kOnTrail:
-      return "no position in reach is known to see any target; following the targets' path";
-    case MoveReason::kFarViewpoint:
-      return "targets are hidden or will be soon; going to a viewpoint farther away that sees more of them";
     case MoveReason::kOtherShot:
       return "the targets are seen better from another side than the asked one; all of them are visible from there";
     case MoveReason::kBestSoon:
@@ -51,7 +43,7 @@ std::string_view explain(MoveReason reason) {
     case MoveReason::kNearestView:
       return "nothing is seen along the plan; following it toward a position that sees a part of a target";
     case MoveReason::kFarWay:
-      return "no target has been seen for a while; going through the level to the nearest one";
+      return "the targets are out of sight; going through the level to the nearest one";
     case MoveReason::kNoTargets:
       return "no target has a weight";
     case MoveReason::kPaused:
@@ -100,10 +92,6 @@ std::string_view to_string(MoveReason reason) {
       return "best_partial";
     case MoveReason::kHorizonGrown:
       return "horizon_grown";
-    case MoveReason::kOnTrail:
-      return "on_trail";
-    case MoveReason::kFarViewpoint:
-      return "far_viewpoint";
     case MoveReason::kOtherShot:
       return "other_shot";
     case MoveReason::kBestSoon:

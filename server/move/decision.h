@@ -33,8 +33,6 @@ enum class MoveReason {
   kBestAllVisible,
   kBestPartial,
   kHorizonGrown,
-  kOnTrail,
-  kFarViewpoint,
   kOtherShot,
   kBestSoon,
   kStays,
@@ -54,10 +52,8 @@ enum class FlightCourse {
   kStay,      // where it is
   kPlan,      // along the flight plan
   kToView,    // along the plan, which shows no target, toward a place beyond its end that does
-  kTrail,     // none in reach does: the way that the targets went
-  kApproach,  // and no trail is known: nearer to the desired position
-  kFarWay,    // blind for long: through the level to the nearest target
-  kToShot,    // through a time of less sight to the wanted shot
+  kFarWay,    // none in reach does, or none has been seen for long: through the level to the nearest target
+  kApproach,  // none in reach does, and no way is known: nearer to the desired position
 };
 // The courses that a decision compared. A loss is the cost of a course over the coming 1.2 s, as a share of what it
 // costs to see no target all that time. It holds what pictures are expected to lack, and how far they depart from the

@@ -8,14 +8,14 @@ namespace {
 
 constexpr uint32_t kNone = UINT32_MAX;
 constexpr size_t kTableSize = 1 << 14;  // over kMostCells, so that probes are short
-// Clearances count up to this, which is more than the longest leg.
-constexpr double kClearM = 1.0;
+// Clearances count up to so many cells, which is more than the longest leg.
+constexpr double kClearCells = 2.0;
 // The radius of the way from the end to the point that must be free.
 constexpr double kSight_m = 0.02;
 // How much the distance that is left counts. More than 1 finds a way sooner that is at most so much longer.
 constexpr double kGreed = 1.3;
 
-static_assert(kTableSize > FarWayFinder::kMostCells * 3 / 2 && kClearM > 1.74 * FarWayFinder::kCellM);
+static_assert(kTableSize > FarWayFinder::kMostCells * 3 / 2 && kClearCells > 1.74);
 
 size_t hash_of(const glm::ivec3& cell) {
   uint64_t hash = static_cast<uint32_t>(cell.x) * 0x9E3779B97F4A7C15ull;
@@ -24,17 +24,13 @@ size_t hash_of(const glm::ivec3& cell) {
   return static_cast<size_t>(hash >> 32);
 }
 
-glm::dvec3 point_m(const glm::ivec3& cell) {
-  return glm::dvec3(cell) * FarWayFinder::kCellM;
-}
-
 template <typename Visit>
 void for_each_beside(const glm::ivec3& cell, Visit visit) {
   for (int z = -1; z <= 1; ++z)
     for (int y = -1; y <= 1; ++y)
       for (int x = -1; x <= 1; ++x)
         if (x != 0 || y != 0 || z != 0)
-          visit(cell + glm::ivec3(x, y, z), FarWayFinder::kCellM * std::sqrt(x * x + y * y + z * z));
+          visit(cell + glm::ivec3(x, y, z), std::sqrt(static_cast<double>(x * x + y * y + z * z)));
 }
 
 }  // namespace
@@ -47,7 +43,7 @@ uint32_t FarWayFinder::node_of(const ClearanceField& field, const glm::ivec3& ce
   table_[at] = static_cast<uint32_t>(nodes_.size());
   nodes_.push_back({.cell = cell,
                     .before = kNone,
-                    .clear_m = static_cast<float>(field.clearance_m(point_m(cell), kClearM)),
+                    .clear_m = static_cast<float>(field.clearance_m(point_m(cell), kClearCells * cell_m_)),
                     .length_m = INFINITY});
   return table_[at];
 }
@@ -64,10 +60,11 @@ void FarWayFinder::offer(uint32_t node, uint32_t before, double length_m, const 
 
 // The camera is on no grid point. It begins at those around it that the body can reach straight.
 void FarWayFinder::begin(const ClearanceField& field, const FarWayInput& input) {
+  cell_m_ = input.cell_m;
   nodes_.clear(), heap_.clear();
   nodes_.reserve(kMostCells);
   table_.assign(kTableSize, kNone);
-  const glm::ivec3 own(glm::round(input.from_m / kCellM));
+  const glm::ivec3 own(glm::round(input.from_m / cell_m_));
   size_t blocker = ClearanceField::kNoBlocker;
   const auto enter = [&](const glm::ivec3& cell) {
     const uint32_t node = node_of(field, cell);
@@ -92,8 +89,9 @@ bool FarWayFinder::is_free(const ClearanceField& field, const FarWayInput& input
 
 void FarWayFinder::spread(const ClearanceField& field, const FarWayInput& input, uint32_t from) {
   const Node here = nodes_[from];
-  for_each_beside(here.cell, [&](const glm::ivec3& cell, double leg_m) {
-    if (glm::distance(point_m(cell), input.from_m) > kReachM - kClearM) return;
+  for_each_beside(here.cell, [&](const glm::ivec3& cell, double leg_cells) {
+    const double leg_m = leg_cells * cell_m_;
+    if (glm::distance(point_m(cell), input.from_m) > (kReachCells - kClearCells) * cell_m_) return;
     const uint32_t node = node_of(field, cell);
     if (node == kNone || nodes_[node].is_settled || nodes_[node].length_m <= here.length_m + leg_m) return;
     if (is_free(field, input, here, nodes_[node], leg_m)) offer(node, from, here.length_m + leg_m, input);

@@ -1,9 +1,8 @@
 // The way through free space to a point far beyond the bound, for a camera that does not see its targets: A* (Hart,
 // Nilsson and Raphael 1968) over a cubic grid fixed in the world.
 //
-// The lattice of candidates is as coarse as the bound is large, and the targets' trail may lead where no camera can go,
-// such as through the floor of a lift's cabin. This grid has the body's size, so a way through a door is found wherever
-// there is one, as far as the search may look.
+// The lattice of candidates is as coarse as the bound is large. This grid has the body's size, so a way through a door
+// is found wherever there is one, as far as the search may look.
 #pragma once
 
 #include <cstdint>
@@ -18,13 +17,9 @@ namespace sightline {
 // Points of a way, the next one first, without the position where it begins.
 using WayPoints = InlineVector<glm::dvec3, 32>;
 
-// How long the camera has not seen its targets, or is expected to see fewer of them than it could, and where it goes
-// then.
+// How long the camera has not seen its targets, and where it goes then.
 struct BlindState {
-  double blind_s = 0.0;  // since it saw any of them
-  // For which the wanted shot has been known to show more of them. Falls while it does not, and while the camera sees
-  // nobody and has no way.
-  double shot_gains_s = 0.0;
+  double blind_s = 0.0;     // since it saw any of them
   double searched_s = 1e3;  // since the last search for a way; at first that was long ago
   WayPoints way_m;          // empty: none was found or needed
 };
@@ -32,6 +27,7 @@ struct BlindState {
 struct FarWayInput {
   glm::dvec3 from_m{0.0}, to_m{0.0};
   double body_radius_m = 0.0;
+  double cell_m = 0.5;      // between grid points
   double near_m = 2.0;      // the way ends this near to `to_m`, where nothing is between
   double keep_off_m = 0.5;  // and keeps this distance from it, less than near_m
 };
@@ -39,10 +35,10 @@ struct FarWayInput {
 // Memory is kept from call to call. Not thread-safe. Deterministic.
 class FarWayFinder {
  public:
-  static constexpr double kCellM = 0.5;
   static constexpr size_t kMostCells = 8000;  // examined in one search, so that it takes a few milliseconds
-  // How far from where it begins a search may lead; the field must have been gathered around there with this reach.
-  static constexpr double kReachM = 60.0;
+  // How far from where it begins a search may lead, in cells. The field must have been gathered around there with this
+  // reach.
+  static constexpr double kReachCells = 120.0;
 
   // Writes the way, or its first points where it has more corners than fit. False, and no points, if none was found or
   // needed, since `from_m` is near already.
@@ -52,7 +48,7 @@ class FarWayFinder {
   struct Node {
     glm::ivec3 cell{0};
     uint32_t before = 0;
-    float clear_m = 0;    // to the nearest collider, at most kClearM
+    float clear_m = 0;    // to the nearest collider, at most kClearCells
     double length_m = 0;  // of the way to it
     bool is_settled = false;
   };
@@ -73,6 +69,9 @@ class FarWayFinder {
   // The node of a cell, made if it is new; kNone when there are kMostCells already.
   uint32_t node_of(const ClearanceField& field, const glm::ivec3& cell);
 
+  glm::dvec3 point_m(const glm::ivec3& cell) const { return glm::dvec3(cell) * cell_m_; }
+
+  double cell_m_ = 0.5;
   std::vector<Node> nodes_;
   std::vector<uint32_t> table_;  // hash table of nodes by cell
   std::vector<Entry> heap_;

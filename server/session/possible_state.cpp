@@ -101,7 +101,7 @@ bool StateFields::possible(const ComparedCourses& courses) {
   const auto loss = [](const std::optional<double>& of) {
     return of.value_or(0.0) >= 0 && of.value_or(0.0) <= kMostLoss;
   };
-  return up_to(courses.taken.value_or(FlightCourse::kFollow), FlightCourse::kToShot) && loss(courses.follow_loss) &&
+  return up_to(courses.taken.value_or(FlightCourse::kFollow), FlightCourse::kFarWay) && loss(courses.follow_loss) &&
          loss(courses.stay_loss) && loss(courses.plan_loss);
 }
 
@@ -134,8 +134,7 @@ bool StateFields::possible(const CarriedState& state) {
          possible(state.viewpoints) && possible(state.in_force) && state.pasts.size() <= kMaxTargets &&
          std::all_of(state.pasts.begin(), state.pasts.end(), past) && shares.size() <= kMaxTargets &&
          std::all_of(shares.begin(), shares.end(), track) && possible(state.doors) &&
-         state.trail.places_m().size() <= Trail::kPlaces && state.path.position_m.count() > 0 &&
-         state.path.rotation.count() > 0 && known(state.shot.asked_viewpoint) &&
+         state.path.position_m.count() > 0 && state.path.rotation.count() > 0 && known(state.shot.asked_viewpoint) &&
          known(state.shot.viewpoint.value_or(0));
 }
 

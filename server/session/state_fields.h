@@ -75,11 +75,6 @@ struct StateFields {
     auto& [since, unseen, target_jumped, next_rank, most_seen, takes_partial] = cut;
     archive(since, unseen, target_jumped, next_rank, most_seen, takes_partial);
   }
-  template <typename A, SameAs<Trail> T>
-  static void each(A& archive, T& trail) {
-    auto& [places] = trail;
-    archive(places);
-  }
   template <typename A, typename Value>
   static void each(A& archive, RecentTrack<Value>& track) {
     auto& [entries] = track;
@@ -264,8 +259,8 @@ struct StateFields {
 
   template <typename A, SameAs<BlindState> T>
   static void each(A& archive, T& blind) {
-    auto& [blind_s, shot_gains_s, searched_s, way] = blind;
-    archive(blind_s, shot_gains_s, searched_s, way);
+    auto& [blind_s, searched_s, way] = blind;
+    archive(blind_s, searched_s, way);
   }
   template <typename A, SameAs<SummedGain> T>
   static void each(A& archive, T& gain) {
@@ -306,10 +301,10 @@ struct StateFields {
   }
   template <typename A, SameAs<CarriedState> T>
   static void each(A& archive, T& state) {
-    auto& [camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, doors, goal, follows, change, blind,
+    auto& [camera, turn, zoom, horizon, shot, viewpoints, pasts, candidates, doors, goal, follows, change, blind,
            in_force, shares, given_up, not_aimed_at, path, cut, pull] = state;
-    archive(camera, turn, zoom, horizon, shot, viewpoints, pasts, trail, candidates, doors, goal, follows, change,
-            blind, in_force, shares, given_up, not_aimed_at, path, cut, pull);
+    archive(camera, turn, zoom, horizon, shot, viewpoints, pasts, candidates, doors, goal, follows, change, blind,
+            in_force, shares, given_up, not_aimed_at, path, cut, pull);
   }
   template <typename A, SameAs<Target> T>
   static void each(A& archive, T& target) {

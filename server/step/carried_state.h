@@ -21,7 +21,6 @@
 #include "server/move/motion.h"
 #include "server/move/predict.h"
 #include "server/move/summed_gain.h"
-#include "server/move/trail.h"
 #include "server/paper/pair_history.h"
 #include "server/scene/target.h"
 #include "server/step/suggested_path.h"
@@ -129,7 +128,6 @@ struct CarriedState {
   WantedShot shot;
   ViewpointMap viewpoints;  // results of the viewpoint search so far
   std::vector<TargetPast> pasts;
-  Trail trail;  // path of the targets' centre
   CandidateMemory candidates;
   Doors doors;
   std::optional<glm::dvec3> goal_m;  // strategy kMinCost: the last step's goal

@@ -247,7 +247,7 @@ void cut_to(const MoveInput& in, const TakenMaps& taken, const CutPlace& place, 
   decision.reason = MoveReason::kCut;
   decision.turn.angles = aim.angles;
   decision.camera.pose = {place.position_m, rotation_from_angles(aim.angles)};
-  decision.camera.velocity_mps = first_velocity_mps(in, decision.camera.pose, scratch.trail_colliders);
+  decision.camera.velocity_mps = first_velocity_mps(in, decision.camera.pose, scratch.cut_colliders);
   const double aim_fov_rad = fov_for_size_rad(step, shot, place.position_m).value_or(aim.vertical_fov_rad);
   decision.vertical_fov_rad = zooms(framing_of(step.input)) ? aim_fov_rad : in.carried.zoom.vertical_fov_rad;
   shot.cut_s = 0.0;

@@ -1,7 +1,7 @@
 // The goal of strategy kMinCost. A flight plan (move/flight_plan.h) says where the camera should be at each time of the
 // coming second, so that the targets are seen then. Two simpler ways are compared with it: to follow the desired
-// position, and to stay. A plan knows nothing of what lies outside the bound. So a camera that does not see all its
-// targets, or expects to lose one, takes a far way.
+// position, and to stay. A plan knows nothing of what lies outside the bound. So a camera that sees no target, and has
+// no plan that shows one, takes a way through the level.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -44,22 +44,13 @@ constexpr Pace kUnhurried{.response = 1.5, .closing = 2.5, .braking = 0.25};
 constexpr Pace kHurried{};
 
 // A camera that has seen no target for so long takes a way through the level (move/far_way.h), and searches it again
-// after this time, since targets move. It does so sooner if it hardly moves.
-constexpr double kBlindS = 2.0, kSearchAgainS = 1.0, kStuckS = 1.0, kStuckMps = 0.2;
+// after this time, since targets move.
+constexpr double kBlindS = 2.0, kSearchAgainS = 1.0;
+// So many cells of the way's grid, at most, lie between the camera and the target; and no way is searched for that is
+// farther.
+constexpr double kFarCells = 80.0, kFarthestM = 400.0;
 // How much more what is seen beyond a plan counts where nothing is seen on it, in plans.
 constexpr double kBeyondWhileBlind = 3.0;
-// The viewpoint search may know that this share more of the targets is seen at the wanted shot than from the camera. Or
-// it knows that a picture from there lacks less, by this much in picture_loss, than is expected at the end of the best
-// plan. The camera takes a far way to the shot when it has known that for this time, or for as long as the straight way
-// takes if that is longer: among targets that run, what was seen from there for a moment is over when the camera
-// arrives. On its way, half as much is enough to go on, and it goes on for a while without any gain. The way ends this
-// near to the shot.
-constexpr double kShotGainsS = 0.5, kShotGain = 0.3, kShotGainAhead = 0.4, kShotGoesOnS = 0.3, kShotNearM = 1.0;
-// Time without a gain counts so many times as much as time with one.
-constexpr double kNoGain = 2.0;
-// Nothing is known at first, and all viewpoints are assumed to be good. That is forgotten after so many time constants
-// of the search's memory.
-constexpr double kSurelyKnown = 3.0;
 // On a far way the camera brakes for each corner as if it were to stop so far behind it.
 constexpr double kTurnM = 0.4;
 
@@ -130,9 +121,10 @@ class GoalSearch {
     planner_.lay(in_.sights.candidates.position_m, in_.sights.position_m, scratch_.clearance_m, body_radius_m, kSlices);
     pricer_.price();
     const FlightPlan& plan = planner_.plan(start(), settings_);
-    blind_ = blind_since(plan);
-    std::optional<Goal> goal = take_far_way(body_radius_m);
-    if (!goal) goal = sees_any(plan) ? go_on(plan) : go_to_view(plan);
+    blind_ = blind_since();
+    std::optional<Goal> goal;
+    if (blind_.blind_s >= kBlindS) goal = take_far_way(body_radius_m);
+    if (!goal) goal = sees_any(plan) ? go_on(plan) : go_to_view(plan, body_radius_m);
     goal->blind = blind_;
     goal->change = change_;
     return *goal;
@@ -329,16 +321,16 @@ class GoalSearch {
     return wanted_mps * std::max(1.0, arrival_mps / std::max(glm::length(wanted_mps), 1e-9));
   }
 
-  // ---- without a view on the plan: on to one beyond it, or the trail ----
+  // ---- without a view on the plan: on to one beyond it, or through the level ----
 
   // What is seen beyond the plan counts for more than the shot, since nothing is seen on it.
-  Goal go_to_view(const FlightPlan& seeing_none) {
+  Goal go_to_view(const FlightPlan& seeing_none, double body_radius_m) {
     const auto shows_some = [this](uint32_t candidate) { return in_.sights.hidden[candidate] < kAllHidden; };
     const auto append_way_to_view = [&](const FlightPlan& plan) {
       return !plan.candidates.empty() && planner_.append_way(plan.candidates.back(), shows_some, scratch_.way);
     };
     scratch_.way.clear();
-    if (!append_way_to_view(seeing_none)) return escape(seeing_none);
+    if (!append_way_to_view(seeing_none)) return escape(seeing_none, body_radius_m);
     FlightSettings settings = settings_;
     settings.beyond = kBeyondWhileBlind;
     const FlightPlan& plan = planner_.plan(start(), settings);
@@ -354,22 +346,17 @@ class GoalSearch {
     goal.velocity_mps = velocity_along(in_.step, leg, glm::dvec3(0.0));
     return goal;
   }
-  Goal escape(const FlightPlan& plan) {
-    const auto leg = leg_to_trail(in_, body_m(in_), scratch_.trail_colliders);
-    Goal goal = leg ? follow_trail(*leg) : approach(plan);
-    if (!leg) goal.choice.reason = reason_of(FlightCourse::kApproach, {});
-    goal.courses.taken = leg ? FlightCourse::kTrail : FlightCourse::kApproach;
-    goal.lost = goal.searches = true;
-    return goal;
+  Goal escape(const FlightPlan& plan, double body_radius_m) {
+    std::optional<Goal> goal = take_far_way(body_radius_m);
+    if (!goal) {
+      goal = approach(plan);
+      goal->choice.reason = reason_of(FlightCourse::kApproach, {});
+      goal->courses.taken = FlightCourse::kApproach;
+    }
+    goal->lost = goal->searches = true;
+    return *goal;
   }
-  Goal follow_trail(const Leg& leg) {
-    scratch_.way.clear();
-    return {.choice = choice_for(MoveStatus::kEscaping, FlightCourse::kTrail),
-            .position_m = part_of_way_m(leg.to_m, settings_.speed_mps * kGoalS),
-            .velocity_mps = velocity_along(in_.step, leg, glm::dvec3(0.0)),
-            .tracking = along(in_.step, leg)};
-  }
-  // Without a trail the camera goes at least nearer to the desired position.
+  // Without a way the camera goes at least nearer to the desired position.
   Goal approach(const FlightPlan& plan) {
     if (ways_.is_free(in_.sights.position_m[desired_candidate()])) return follow_desired(kHurried);
     return plan.candidates.empty() ? stay_here() : fly(plan);
@@ -379,123 +366,48 @@ class GoalSearch {
 
   // The camera's own sights decide whether it is blind, over a short time. The maps see more than there is through gaps
   // and past movers, so plans made by them may lead nowhere.
-  BlindState blind_since(const FlightPlan& plan) const {
-    const uint32_t seen = seen_of_late(in_.step, in_.carried);
+  BlindState blind_since() const {
+    if (seen_of_late(in_.step, in_.carried) != 0) return {};
     BlindState blind = in_.carried.blind;
-    blind.searched_s += in_.step.decision_s;
-    blind.shot_gains_s = shot_gains_s(seen, plan);
-    const bool shot_gains = blind.shot_gains_s >= gains_needed_s() - kShotGoesOnS;
-    if (seen == in_.step.targets.steered && !shot_gains) {
-      BlindState sees_all;
-      sees_all.shot_gains_s = blind.shot_gains_s;
-      return sees_all;
-    }
-    if (seen == 0) {
-      blind.blind_s += in_.step.decision_s;
-    } else {
-      if (blind.blind_s >= kBlindS || !shot_gains) blind.way_m.clear();
-      blind.blind_s = 0.0;
-    }
+    blind.blind_s += in_.step.decision_s, blind.searched_s += in_.step.decision_s;
     return blind;
   }
-  double shot_gains_s(uint32_t seen, const FlightPlan& plan) const {
-    const BlindState& former = in_.carried.blind;
-    const double most_s = gains_needed_s() + kShotGoesOnS, former_s = std::min(former.shot_gains_s, most_s);
-    if (seen == 0 && !former.way_m.empty()) return former_s;  // it is on a way
-    if (seen != 0 && gains_by_shot(seen, plan)) return std::min(former_s + in_.step.decision_s, most_s);
-    return std::max(former_s - kNoGain * in_.step.decision_s, 0.0);
-  }
-  // Before the camera goes; on its way, the shot may move.
-  double gains_needed_s() const {
-    const bool is_on_way = !in_.carried.blind.way_m.empty();
-    return is_on_way ? kShotGainsS : std::max(kShotGainsS, left_m() / settings_.speed_mps);
-  }
-  bool gains_by_shot(uint32_t seen, const FlightPlan& plan) const {
-    double enough = in_.carried.blind.way_m.empty() ? 1.0 : 0.5;
-    // Standing targets may stand for long, so a single hidden one of many is reason enough.
-    if (targets_stand(in_.step)) enough = good_enough_share(enough, effective_count(in_.step.targets.sight_weights));
-    const bool now = seen != in_.step.targets.steered && gain_by_shot() > enough * kShotGain;
-    return now || gain_by_shot_after(plan) > enough * kShotGainAhead;
-  }
-  bool knows_shot() const {
-    const double known_s = kSurelyKnown * in_.step.input.settings.move.viewpoint_search.memory_s;
-    return in_.carried.shot.viewpoint && in_.carried.viewpoints.known_s() >= known_s;
-  }
-  // The share of the targets that the viewpoint search knows to be hidden at the wanted shot.
-  double hidden_at_shot() const {
-    std::array<float, kMaxTargets> seen;
-    const std::optional<glm::dvec3>& in_line_m = in_.carried.shot.in_line_m;
-    const size_t place = in_line_m ? in_.carried.viewpoints.nearest_viewpoint(*in_line_m) : *in_.carried.shot.viewpoint;
-    for (size_t i = 0; i < in_.step.target_count(); ++i) seen[i] = in_.carried.viewpoints.share(i, place);
-    return hidden_share(in_.step.targets.tracked_targets, std::span(seen).first(in_.step.target_count()));
-  }
-  // The share of the targets that pictures of late lack, less that which is hidden at the wanted shot.
-  double gain_by_shot() const {
-    if (!knows_shot()) return 0.0;
-    std::array<float, kMaxTargets> own;
-    for (size_t i = 0; i < in_.step.target_count(); ++i)
-      own[i] = static_cast<float>(in_.carried.shares.share(i).value_or(0.0));
-    return hidden_share(in_.step.targets.tracked_targets, std::span(own).first(in_.step.target_count())) -
-           hidden_at_shot();
-  }
-  // What a picture from the end of a plan is expected to lack, less what one from the wanted shot lacks. The picture
-  // from the shot is taken to hold all targets.
-  double gain_by_shot_after(const FlightPlan& plan) const {
-    if (!knows_shot() || plan.candidates.empty()) return 0.0;
-    const CandidateMemory& candidates = in_.carried.candidates;
-    const SharePart lacks = ahead().shares(kSlices - 1)[candidates.lattice.addresses()[plan.candidates.back()]];
-    if (lacks == kUnknownShare) return 0.0;
-    return lacks * (1.0 / kWholeShare) -
-           picture_loss(hidden_at_shot(), effective_count(in_.step.targets.sight_weights));
-  }
   std::optional<Goal> take_far_way(double body_radius_m) {
-    const bool is_stuck = blind_.blind_s > kStuckS && glm::length(in_.step.camera.velocity_mps) < kStuckMps;
-    const double gains_s = gains_needed_s() - (blind_.way_m.empty() ? 0.0 : kShotGoesOnS);
-    const bool to_shot = blind_.blind_s < kBlindS && blind_.shot_gains_s >= gains_s;
-    if (blind_.blind_s < kBlindS && blind_.way_m.empty() && !is_stuck && !to_shot) return std::nullopt;
-    if (blind_.searched_s >= kSearchAgainS) find_far_way(to_shot, body_radius_m);
+    if (blind_.searched_s >= kSearchAgainS) find_far_way(body_radius_m);
     const std::optional<Leg> leg = leg_of_far_way();
     if (!leg) return std::nullopt;
     scratch_.way.clear();
-    Goal goal{.choice = to_shot ? choice_for(MoveStatus::kPartial, FlightCourse::kToShot)
-                                : choice_for(MoveStatus::kEscaping, FlightCourse::kFarWay),
+    Goal goal{.choice = choice_for(MoveStatus::kEscaping, FlightCourse::kFarWay),
               .position_m = part_of_way_m(leg->to_m, settings_.speed_mps * kGoalS),
               .velocity_mps = velocity_along(in_.step, *leg, glm::dvec3(0.0)),
               .tracking = along(in_.step, *leg)};
-    goal.courses.taken = to_shot ? FlightCourse::kToShot : FlightCourse::kFarWay;
-    goal.searches = !to_shot, goal.way_m = leg->length_m;
+    goal.courses.taken = FlightCourse::kFarWay;
+    goal.searches = true, goal.way_m = leg->length_m;
     for (size_t k = 1; k < blind_.way_m.size(); ++k) *goal.way_m += glm::distance(blind_.way_m[k - 1], blind_.way_m[k]);
     return goal;
   }
-  FarWayInput way_to_shot(double body_radius_m) const {
-    return {.from_m = eye_m(),
-            .to_m = in_.desired_m,
-            .body_radius_m = body_radius_m,
-            .near_m = kShotNearM,
-            .keep_off_m = 0.0};
-  }
   FarWayInput way_to_target(double body_radius_m) const {
     FarWayInput input{.from_m = eye_m(), .to_m = nearest_target_m(), .body_radius_m = body_radius_m};
-    input.keep_off_m = std::max(input.keep_off_m,
-                                in_.step.input.settings.move.min_distance_m + FarWayFinder::kCellM / 2);
-    input.near_m = std::max(input.near_m, input.keep_off_m + FarWayFinder::kCellM);
+    // What is far away is searched for on a coarser grid.
+    input.cell_m = std::max(input.cell_m, glm::distance(input.from_m, input.to_m) / kFarCells);
+    input.keep_off_m = std::max(input.keep_off_m, in_.step.input.settings.move.min_distance_m + input.cell_m / 2);
+    input.near_m = std::max(input.near_m, input.keep_off_m + input.cell_m);
     return input;
   }
-  // To the wanted shot, or to the nearest steered target.
-  void find_far_way(bool to_shot, double body_radius_m) {
+  void find_far_way(double body_radius_m) {
     blind_.searched_s = 0.0;
-    const FarWayInput input = to_shot ? way_to_shot(body_radius_m) : way_to_target(body_radius_m);
-    if (glm::distance(input.from_m, input.to_m) > FarWayFinder::kReachM) return blind_.way_m.clear();
+    const FarWayInput input = way_to_target(body_radius_m);
+    if (glm::distance(input.from_m, input.to_m) > kFarthestM) return blind_.way_m.clear();
     std::vector<uint32_t>& slots = scratch_.target_slots;
     slots.clear();
     for (const uint64_t id : in_.step.targets.ids) slots.push_back(*in_.step.input.scene.slot_of(id));
     for (const std::vector<TargetPiece>& pieces : in_.step.targets.pieces)
       for (const TargetPiece& piece : pieces) slots.push_back(piece.slot);
     std::sort(slots.begin(), slots.end());
-    scratch_.far_colliders.gather(in_.step.input.scene, eye_m(), FarWayFinder::kReachM, slots);
+    scratch_.far_colliders.gather(in_.step.input.scene, eye_m(), FarWayFinder::kReachCells * input.cell_m, slots);
     scratch_.far_colliders.allow(kMostTests);
     WayPoints found_m;  // where nothing is found, the former way still leads nearer to the target
-    if (scratch_.far_ways.find(scratch_.far_colliders, input, found_m) || to_shot) blind_.way_m = found_m;
+    if (scratch_.far_ways.find(scratch_.far_colliders, input, found_m)) blind_.way_m = found_m;
   }
   glm::dvec3 nearest_target_m() const {
     glm::dvec3 nearest_m = in_.step.center_m();

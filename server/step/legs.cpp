@@ -5,12 +5,6 @@
 #include "server/step/stages.h"
 
 namespace sightline {
-namespace {
-
-// Length of the trail that a lost camera examines.
-constexpr double kTrailReachM = 16.0;
-
-}  // namespace
 
 double way_length_m(const MoveInput& in, const glm::dvec3& from_m, std::span<const uint32_t> way) {
   double length_m = 0;
@@ -30,16 +24,6 @@ Leg first_leg(const MoveInput& in, std::span<const uint32_t> way, double body_ra
   size_t k = way.size() - 1;
   while (k > 0 && !ways.is_free(in.sights.position_m[way[k]])) k = k > 4 ? k - 2 : k - 1;
   return {in.sights.position_m[way[k]], way_length_m(in, from_m, way.subspan(k))};
-}
-
-std::optional<Leg> leg_to_trail(const MoveInput& in, double body_radius_m, ClearanceField& field) {
-  const glm::dvec3 from_m = in.step.camera.pose.position_m;
-  field.gather(in.step.input.scene, from_m, kTrailReachM + 2 * body_radius_m, {});
-  field.allow(kMostTests);
-  const auto to_m = in.carried.trail.way_back(field, from_m, kTrailReachM, body_radius_m,
-                                              in.step.input.settings.move.min_distance_m);
-  if (!to_m) return std::nullopt;
-  return Leg{*to_m, glm::distance(from_m, *to_m)};
 }
 
 glm::dvec3 velocity_along(const StepContext& step, const Leg& leg, const glm::dvec3& with_mps, const Pace& pace) {

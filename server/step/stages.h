@@ -234,9 +234,9 @@ struct MoveScratch {
   FlightPlanner planner;
   std::vector<float> outside;  // by cell of the planner: the cost of being outside the limits
   BehindDoors behind_doors;
-  std::vector<uint32_t> way;       // the candidates on the way to the goal
-  double way_m = 0;                // length of the way to the chosen candidate, whichever strategy chose it
-  ClearanceField trail_colliders;  // also of cuts
+  std::vector<uint32_t> way;  // the candidates on the way to the goal
+  double way_m = 0;           // length of the way to the chosen candidate, whichever strategy chose it
+  ClearanceField cut_colliders;
   FarWayFinder far_ways;
   ClearanceField far_colliders;
   std::vector<uint32_t> target_slots;
@@ -297,8 +297,6 @@ double way_length_m(const MoveInput& input, const glm::dvec3& from_m, std::span<
 // Roughly the farthest candidate of the way that the body can reach in a straight line. The first one counts as
 // reachable, because every way begins with a leg that the body can take.
 Leg first_leg(const MoveInput& input, std::span<const uint32_t> way, double body_radius_m);
-// The newest reachable position of the targets' trail; empty if none is reachable.
-std::optional<Leg> leg_to_trail(const MoveInput& input, double body_radius_m, ClearanceField& field);
 // `with_mps` and a velocity towards the end of the leg that is no faster than allows the camera to stop at the end of
 // the way.
 glm::dvec3 velocity_along(const StepContext& step, const Leg& leg, const glm::dvec3& with_mps, const Pace& pace = {});

@@ -149,7 +149,6 @@ StepResult Stepper::finish(const StageClock& clock) {
   carried_.given_up = work.opening.given_up;
   carried_.horizon_s = horizon_s(carried_, work.input->settings.bound);
   carried_.pasts.swap(work.opening.pasts);
-  if (step.targets.steered != 0) carried_.trail.pass(step.center_m());
   carried_.doors.pass(work.input->scene, {step.targets.ids.begin(), step.targets.ids.size()}, step.move_s,
                       step.clock_s);
 

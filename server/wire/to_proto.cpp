@@ -33,8 +33,6 @@ v1::MoveReason to_proto(MoveReason reason) {
       return v1::MOVE_REASON_BEST_PARTIAL;
     case MoveReason::kHorizonGrown:
       return v1::MOVE_REASON_HORIZON_GROWN;
-    case MoveReason::kOnTrail:
-      return v1::MOVE_REASON_ON_TRAIL;
     case MoveReason::kNoTargets:
       return v1::MOVE_REASON_NO_TARGETS;
     case MoveReason::kPaused:
@@ -45,8 +43,6 @@ v1::MoveReason to_proto(MoveReason reason) {
       return v1::MOVE_REASON_BODY_OVERLAP;
     case MoveReason::kObservedCut:
       return v1::MOVE_REASON_OBSERVED_CUT;
-    case MoveReason::kFarViewpoint:
-      return v1::MOVE_REASON_FAR_VIEWPOINT;
     case MoveReason::kOtherShot:
       return v1::MOVE_REASON_OTHER_SHOT;
     case MoveReason::kBestSoon:
@@ -148,14 +144,10 @@ v1::Course to_proto(FlightCourse course) {
       return v1::COURSE_PLAN;
     case FlightCourse::kToView:
       return v1::COURSE_TO_VIEW;
-    case FlightCourse::kTrail:
-      return v1::COURSE_TRAIL;
     case FlightCourse::kApproach:
       return v1::COURSE_APPROACH;
     case FlightCourse::kFarWay:
       return v1::COURSE_FAR_WAY;
-    case FlightCourse::kToShot:
-      return v1::COURSE_TO_SHOT;
   }
   return v1::COURSE_UNSPECIFIED;
 }

@@ -75,7 +75,7 @@ TEST(ReasonClaims, AreFalseWhereRaysSayOtherwise) {
     EXPECT_EQ(false_claims({.reason = reason, .target_ids = ids, .place_m = under_ground_m, .reach_m = {}}), 1u)
         << to_string(reason);
   }
-  for (const MoveReason reason : {MoveReason::kBestPartial, MoveReason::kHorizonGrown, MoveReason::kOnTrail}) {
+  for (const MoveReason reason : {MoveReason::kBestPartial, MoveReason::kHorizonGrown}) {
     EXPECT_EQ(false_claims({.reason = reason, .target_ids = ids, .place_m = {}, .reach_m = {under_ground_m}}), 0u)
         << to_string(reason);
     EXPECT_EQ(false_claims({.reason = reason, .target_ids = ids, .place_m = {}, .reach_m = {under_ground_m, sees_m}}),

@@ -18,7 +18,7 @@ struct Searched {
         placed(id, build_geometry(tessellate(BoxShape{half_m}).value()).value(), {at_m, glm::dquat(1, 0, 0, 0)}));
   }
   bool find(const glm::dvec3& from_m, const glm::dvec3& to_m) {
-    field.gather(mirror, from_m, FarWayFinder::kReachM, {});
+    field.gather(mirror, from_m, 60.0, {});
     input = {.from_m = from_m, .to_m = to_m, .body_radius_m = kBody_m};
     return finder.find(field, input, points_m);
   }
@@ -105,7 +105,7 @@ TEST(FarWay, IsSoundBetweenRandomTriangles) {
 
 TEST(FarWay, KeepsItsDistanceAndNeedsNoWayWhereItIsNear) {
   Searched world;
-  world.field.gather(world.mirror, {0, 0, 0}, FarWayFinder::kReachM, {});
+  world.field.gather(world.mirror, {0, 0, 0}, 60.0, {});
   world.input = {.from_m = {8.1, 0, 0}, .to_m = {0, 0, 0}, .body_radius_m = kBody_m, .near_m = 4.0, .keep_off_m = 3.0};
   ASSERT_TRUE(world.finder.find(world.field, world.input, world.points_m));
   const double left_m = glm::length(world.points_m[world.points_m.size() - 1]);

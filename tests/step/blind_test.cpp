@@ -1,4 +1,5 @@
-// A camera that has not seen its targets for long takes a way through the whole level.
+// A camera that sees nobody and has no plan that shows anybody takes a way through the whole level; one that sees a
+// part of its targets does not leave it.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -98,70 +99,30 @@ struct Rooms : Filming {
   double x_m = 0;
 };
 
-TEST(Blind, ACameraThatSeesOneOfTwoForSecondsGoesToWhereItSeesBoth) {
-  Rooms world(false);
-  int both = 0, goes = 0;
-  for (int i = 0; i < 600; ++i) {
-    const StepResult r = world.walk();
-    goes += r.reason == MoveReason::kFarViewpoint;
-    if (i >= 360) both += r.targets[0].visible_share > 0.5 && r.targets[1].visible_share > 0.5;
-  }
-  // The camera loses one of them now and then, and leaves for the shot after as long as the way there takes.
-  EXPECT_GT(both, 140) << "of 240 steps";
-  EXPECT_GT(goes, 0);
-}
-
-// Six plates round the camera.
-void shut_in(Rooms& world) {
-  const glm::dvec3 at_m = world.camera().pose.position_m;
-  uint64_t id = 900;
-  for (int axis = 0; axis < 3; ++axis)
-    for (const double side : {-1.0, 1.0}) {
-      glm::dvec3 plate_m = at_m;
-      glm::vec3 half_m(2.1f);
-      plate_m[axis] += 2 * side, half_m[axis] = 0.1f;
-      world.add_box(id++, plate_m, half_m);
-    }
-}
-
-TEST(Blind, ACameraWithoutAWayToTheShotForgetsThatTheShotShowsMoreWhileItSeesNobody) {
-  Rooms world(false);
-  const auto blind = [&]() -> const BlindState& { return world.stepper.carried().blind; };
-  while (world.tick < 600 && blind().shot_gains_s < 0.25) world.walk();
-  ASSERT_GE(blind().shot_gains_s, 0.25);
-  ASSERT_TRUE(blind().way_m.empty());
-  shut_in(world);
-  for (int i = 0; i < 60; ++i) world.walk();
-  ASSERT_GT(blind().blind_s, 0.5);
-  EXPECT_TRUE(blind().way_m.empty());
-  EXPECT_EQ(blind().shot_gains_s, 0.0);
-}
-
 // The two come through an open yard into the rows.
 TEST(Blind, ACameraGoesToWhereItWillSeeBothWhenItExpectsToLoseOne) {
   Rooms world(false);
   world.x_m = -5;
   world.place({-8, 2, 0}, {-4, 1.2, 0});
-  int seen = 0, goes = 0;  // steps before the first loss
+  int seen = 0;  // steps before the first loss
   for (; seen < 60 * 13; ++seen) {
     const StepResult r = world.walk();
     if (r.targets[0].filtered_share < 0.5 || r.targets[1].filtered_share < 0.5) break;
-    goes += r.reason == MoveReason::kFarViewpoint;
   }
   EXPECT_GT(seen, 120);
-  EXPECT_GT(goes, 0) << "in " << seen << " steps";
 }
 
-TEST(Blind, ACameraStaysWithTheOneThatItSeesWhereTheOtherIsSeenFromNowhere) {
-  Rooms world(true);
-  int first = 0, goes = 0;
-  for (int i = 0; i < 600; ++i) {
-    const StepResult r = world.walk();
-    goes += r.reason == MoveReason::kFarViewpoint;
-    if (i >= 120) first += r.targets[0].visible_share > 0.5;
+// It does not leave the one that it sees to fly over the walls, and follows through the doors.
+TEST(Blind, ACameraStaysWithTheOneThatItSees) {
+  for (const bool other_is_roofed : {false, true}) {
+    Rooms world(other_is_roofed);
+    int first = 0;
+    for (int i = 0; i < 600; ++i) {
+      const StepResult r = world.walk();
+      if (i >= 120) first += r.targets[0].visible_share > 0.5;
+    }
+    EXPECT_GT(first, 400) << "of 480 steps";
   }
-  EXPECT_GT(first, 400) << "of 480 steps";
-  EXPECT_EQ(goes, 0);
 }
 
 // Two people walk into a tunnel one behind the other. It is too narrow for the camera, which loses sight of one of them

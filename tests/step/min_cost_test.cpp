@@ -1,4 +1,4 @@
-// The default preset: goals by hidden shares, routes around geometry, the targets' trail, the viewpoint search.
+// The default preset: goals by hidden shares, routes around geometry, the viewpoint search.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -15,7 +15,7 @@ constexpr double kTick = 1.0 / 60;
 
 // A corridor 2.4 m wide that turns right and left, under a roof. The target runs round its corners faster than the
 // camera can follow.
-TEST(MinCost, ATargetThatWentRoundACornerIsFoundAgainAlongItsTrail) {
+TEST(MinCost, ATargetThatWentRoundACornerIsFoundAgainByAWayThroughTheLevel) {
   Filming world;
   world.limits.max_speed_mps = 2.5;
   world.add_box(10, {-1.4, 2, 0}, {0.2, 3, 9});
@@ -31,17 +31,17 @@ TEST(MinCost, ATargetThatWentRoundACornerIsFoundAgainAlongItsTrail) {
   world.place({0, 1.6, 6}, at);
   Watch watch(world);
   StepResult r;
-  int lost = 0, on_trail = 0;
+  int lost = 0, on_far_way = 0;
   for (int i = 0; i < 60 * 16; ++i) {
     const bool turns = at.z <= -5.2 && at.x < 9.9;
     const glm::dvec3 way = turns ? glm::dvec3(6, 0, 0) : at.z > -16 ? glm::dvec3(0, 0, -6) : glm::dvec3(0.0);
     world.move(1, at += way * kTick, way);
     world.step_in(watch, r);
     lost += r.targets[0].visible_share == 0.0;
-    on_trail += r.reason == MoveReason::kOnTrail;
+    on_far_way += r.reason == MoveReason::kFarWay;
   }
   EXPECT_GT(lost, 20) << "it was lost indeed";
-  EXPECT_GT(on_trail, 0);
+  EXPECT_GT(on_far_way, 0);
   EXPECT_GT(r.targets[0].visible_share, 0.5);
   EXPECT_TRUE(r.targets[0].in_picture);
 }
