@@ -113,8 +113,8 @@ const (
 	// Nothing of the targets is seen. A position is known that sees one, and the camera stays where it is: it expects the view to
 	// return, going there costs more than it gains, or the game is paused.
 	TrackingStatus_TRACKING_STATUS_WAITING TrackingStatus = 7
-	// Nothing of the targets is seen, and no position is known that sees one. The camera looks farther away, or goes the way that the
-	// targets went.
+	// Nothing of the targets is seen, and no position is known that sees one. The camera looks farther away, or goes through the level to the
+	// nearest target.
 	TrackingStatus_TRACKING_STATUS_LOST TrackingStatus = 8
 )
 
@@ -198,11 +198,11 @@ const (
 	MoveReason_MOVE_REASON_OBSERVED_CUT MoveReason = 9
 	// It goes to the position that sees all targets at the least cost, now and soon.
 	MoveReason_MOVE_REASON_BEST_ALL_VISIBLE MoveReason = 10
-	// No candidate is known to see a target: it goes the way that the targets went.
+	// Not sent since 0.2: FAR_WAY is. No candidate is known to see a target: it goes the way that the targets went.
 	MoveReason_MOVE_REASON_ON_TRAIL MoveReason = 11
 	// It jumped to a place that sees the targets, since Settings.cut_after_s allows it or Shot.cut asked for it.
 	MoveReason_MOVE_REASON_CUT MoveReason = 12
-	// Targets have been hidden for half a second, or are expected to be. It goes to a viewpoint farther away that sees more of them, although
+	// Not sent since 0.2. Targets have been hidden for half a second, or are expected to be. It goes to a viewpoint farther away that sees more of them, although
 	// it may see less on its way.
 	MoveReason_MOVE_REASON_FAR_VIEWPOINT MoveReason = 13
 	// All targets are seen from the place where the camera is or goes, but it is not that of the asked shot, since they are seen better from this one.
@@ -214,7 +214,7 @@ const (
 	// No place along its plan sees a target. It flies along the plan, which leads toward positions that see a part of one. The goal is the position that is
 	// the fewest steps between neighbouring candidates from the end of the plan.
 	MoveReason_MOVE_REASON_NEAREST_VIEW MoveReason = 17
-	// No target has been seen for a while: it goes through the level to the nearest one, or to where that was seen to go.
+	// No position in reach is known to see a target, or none has been seen for a while: it goes through the level to the nearest one.
 	MoveReason_MOVE_REASON_FAR_WAY MoveReason = 18
 )
 
@@ -306,13 +306,13 @@ const (
 	Course_COURSE_PLAN Course = 3
 	// It flies along its plan, from which no target is seen, toward a place beyond the end of the plan that sees one (MOVE_REASON_NEAREST_VIEW).
 	Course_COURSE_TO_VIEW Course = 4
-	// It goes the way that the targets went.
+	// Not sent since 0.2. It goes the way that the targets went.
 	Course_COURSE_TRAIL Course = 5
 	// It goes nearer to the wanted place if it can, since no place in reach sees a target.
 	Course_COURSE_APPROACH Course = 6
 	// It goes through the level to the nearest target.
 	Course_COURSE_FAR_WAY Course = 7
-	// It goes to the wanted place, although it sees less on the way.
+	// Not sent since 0.2. It goes to the wanted place, although it sees less on the way.
 	Course_COURSE_TO_SHOT Course = 8
 )
 
