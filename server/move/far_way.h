@@ -21,7 +21,7 @@ using WayPoints = InlineVector<glm::dvec3, 32>;
 struct BlindState {
   double blind_s = 0.0;     // since it saw any of them
   double searched_s = 1e3;  // since the last search for a way; at first that was long ago
-  WayPoints way_m;          // empty: none was found or needed
+  WayPoints way_m;          // that it is on; empty: on none
 };
 
 struct FarWayInput {

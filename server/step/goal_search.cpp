@@ -125,6 +125,7 @@ class GoalSearch {
     std::optional<Goal> goal;
     if (blind_.blind_s >= kBlindS) goal = take_far_way(body_radius_m);
     if (!goal) goal = sees_any(plan) ? go_on(plan) : go_to_view(plan, body_radius_m);
+    if (goal->courses.taken != FlightCourse::kFarWay) blind_.way_m.clear();
     goal->blind = blind_;
     goal->change = change_;
     return *goal;
@@ -367,9 +368,9 @@ class GoalSearch {
   // The camera's own sights decide whether it is blind, over a short time. The maps see more than there is through gaps
   // and past movers, so plans made by them may lead nowhere.
   BlindState blind_since() const {
-    if (seen_of_late(in_.step, in_.carried) != 0) return {};
     BlindState blind = in_.carried.blind;
-    blind.blind_s += in_.step.decision_s, blind.searched_s += in_.step.decision_s;
+    blind.searched_s += in_.step.decision_s;
+    blind.blind_s = seen_of_late(in_.step, in_.carried) == 0 ? blind.blind_s + in_.step.decision_s : 0.0;
     return blind;
   }
   std::optional<Goal> take_far_way(double body_radius_m) {
