@@ -27,7 +27,7 @@ struct FrameWatch::FromClient {
   bool end() {
     if (watch.stream_) watch.end_data(now_s);
     watch.end_by_client(watch.from_client_.head());
-    return !watch.reason_ && !watch.began_call_;
+    return !watch.reason_ && watch.paced_calls_ == 0;
   }
 };
 
@@ -68,7 +68,7 @@ std::optional<std::string_view> FrameWatch::read(std::span<const std::byte> byte
 }
 
 size_t FrameWatch::read_until_call(std::span<const std::byte> bytes, double now_s) {
-  began_call_ = false;
+  paced_calls_ = 0;
   const size_t preface = take_preface(bytes);
   if (reason_) return preface;
   FromClient visitor{*this, now_s};
@@ -110,12 +110,15 @@ void FrameWatch::begin_headers(const FrameHead& head, double now_s) {
   header_block_bytes_ = first ? head.length : header_block_bytes_ + head.length;
   if (header_block_bytes_ > limits_.max_header_block_bytes) return cut("the headers of a call are too long");
   if (head.ends_headers()) header_block_bytes_ = 0;
-  if (first && head.stream > newest_stream_) begin_call(head.stream, now_s);
+  const bool begins = first && head.stream > newest_stream_;
+  const double free_bytes = first ? limits_.bytes_of_paced : 0.0;
+  const double more = std::max(0.0, static_cast<double>(head.length) - free_bytes) / limits_.bytes_of_paced;
+  paced_calls_ = std::min((begins ? 1.0 : 0.0) + more, limits_.paced_burst);
+  if (begins) begin_call(head.stream, now_s);
 }
 
 void FrameWatch::begin_call(uint32_t id, double now_s) {
   newest_stream_ = id;
-  began_call_ = true;
   ++calls_;
   take_call(now_s);
   take_overhead(-limits_.for_call, now_s);

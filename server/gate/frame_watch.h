@@ -29,8 +29,10 @@ struct FrameLimits {
   // Calls that may begin at once, and how many more each second.
   double calls_burst = 1000.0, calls_per_s = 200.0;
   // Calls that one relay lets begin at once, and how many more each second, of all clients together. Others wait for
-  // their turn.
+  // their turn. gRPC reads all fields of a call's headers before it refuses them, and a field can have five bytes. So
+  // each further KiB after the first counts as a call.
   double paced_burst = 32.0, paced_per_s = 2000.0;
+  double bytes_of_paced = 1024.0;
   // Overhead that may come at once, and how much more each second. A frame is an overhead of 1, and of 1 more for each
   // 512 bytes that belong to no message. A frame of data is none if it completes a message or ends a call, and
   // otherwise less, the more it carries. Each call that begins, and each frame of the server that a client may answer,
@@ -95,11 +97,11 @@ class FrameWatch {
   // Takes the next bytes of the client. `now_s` is a monotonic time in seconds. Returns the reason to cut the
   // connection, or nothing. After a reason nothing may be given to it any more.
   std::optional<std::string_view> read(std::span<const std::byte> bytes, double now_s);
-  // The same, but only up to the end of the first frame with which a call begins. Returns the number of bytes that it
+  // The same, but only up to the end of the first frame that counts for the pace. Returns the number of bytes that it
   // took.
   size_t read_until_call(std::span<const std::byte> bytes, double now_s);
-  // The last read ended with a frame with which a call began.
-  bool began_call() const { return began_call_; }
+  // As how many calls the frame with which the last read ended counts for the pace, at most a whole burst; 0: none.
+  double paced_calls() const { return paced_calls_; }
   // Why the connection must be cut, if it must.
   const std::optional<std::string_view>& reason() const { return reason_; }
   // Takes the next bytes of the server, which say what it has taken of each call and which calls have ended.
@@ -158,7 +160,7 @@ class FrameWatch {
   Stream* stream_ = nullptr;                      // of the DATA frame that comes; null: it belongs to no call
   size_t completed_ = 0;                          // messages that this frame has completed
   uint32_t increment_ = 0;                        // of the server's WINDOW_UPDATE that comes
-  bool began_call_ = false;
+  double paced_calls_ = 0.0;
   std::optional<std::string_view> reason_;
   size_t held_bytes_ = 0;
   bool greeted_ = false, flooded_ = false;

@@ -200,14 +200,15 @@ bool Relay::take_from_client(Line& line, std::span<const std::byte> bytes) {
   return pass_to_grpc(line, bytes);
 }
 
-// Passes on what the client said, until it has begun a call for which there is no more room.
+// Passes on what the client said, until there is no more room for the calls that it begins.
 bool Relay::pass_to_grpc(Line& line, std::span<const std::byte> bytes) {
   while (!bytes.empty()) {
     const size_t taken = watch_client(line, bytes);
     if (!line.cut_for.empty()) return true;
     if (!write_to(line.grpc, bytes.data(), taken)) return false;
     bytes = bytes.subspan(taken);
-    if (!line.watch.began_call() || (waiting_.empty() && calls_.take(gate_now_s()))) continue;
+    const double calls = line.watch.paced_calls();
+    if (calls == 0 || (waiting_.empty() && calls_.take(gate_now_s(), calls))) continue;
     line.held_back.assign(bytes.begin(), bytes.end());
     line.waits = next_place_++;
     waiting_.emplace(line.waits, &line);
@@ -219,7 +220,7 @@ bool Relay::pass_to_grpc(Line& line, std::span<const std::byte> bytes) {
 // The clients take turns, a call each.
 void Relay::let_waiting_go_on() {
   while (Line* const line = next_waiting()) {
-    if (!calls_.take(gate_now_s())) return;
+    if (!calls_.take(gate_now_s(), line->watch.paced_calls())) return;
     waiting_.erase(line->waits);
     line->waits = 0;
     guarded(*line, [&] {

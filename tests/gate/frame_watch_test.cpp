@@ -31,6 +31,26 @@ FrameWatch greeted(const FrameLimits& limits = {}) {
   return watch;
 }
 
+// gRPC reads every field before it refuses headers that are too long.
+TEST(FrameWatch, LongHeadersCountAsSeveralCallsForThePace) {
+  FrameLimits limits;
+  limits.paced_burst = 8, limits.bytes_of_paced = 1000;
+  FrameWatch watch = greeted(limits);
+  const auto counts = [&](const std::string& bytes) {
+    EXPECT_EQ(watch.read_until_call(std::as_bytes(std::span(bytes)), 1.0), bytes.size());
+    return watch.paced_calls();
+  };
+  EXPECT_EQ(counts(call(0, 100)), 1);
+  EXPECT_EQ(counts(call(1, 1000)), 1);
+  EXPECT_EQ(counts(call(2, 3500)), 3.5);
+  EXPECT_EQ(counts(call(3, 12'000)), 8) << "a whole burst at most";
+  EXPECT_EQ(counts(frame(1, 0, 9, 500)), 1) << "headers without their end";
+  EXPECT_EQ(counts(frame(9, 0, 9, 2000)), 2) << "that go on";
+  EXPECT_EQ(counts(frame(9, 4, 9, 0)), 0);
+  EXPECT_EQ(counts(frame(1, 5, 9, 500)), 0) << "trailers";
+  EXPECT_EQ(counts(frame(0, 0, 9, 5000)), 0) << "no headers";
+}
+
 TEST(FrameWatch, CountsCallsHoweverTheBytesAreCut) {
   std::string all = kPreface + frame(4, 0, 0, 12);
   for (uint32_t n = 0; n < 20; ++n) all += call(n) + frame(0, 0, 2 * n + 1, 100 * n) + frame(8, 0, 0, 4);

@@ -27,9 +27,9 @@ inline std::string greeting() {
   return kPreface + frame(4, 0, 0, 6);
 }
 
-// The beginning of a call, which has the stream 2 number + 1.
-inline std::string call(uint32_t number) {
-  return frame(1, 4, 2 * number + 1, 10);
+// The beginning of a call, which has the stream 2 number + 1, with so many bytes of headers.
+inline std::string call(uint32_t number, size_t header_bytes = 10) {
+  return frame(1, 4, 2 * number + 1, header_bytes);
 }
 
 // The beginning of a message of gRPC: the length of its body, and as much of the body as is given.

@@ -132,6 +132,20 @@ TEST(Gate, CallsBeginAtAPaceAndNothingIsLost) {
   EXPECT_EQ(test::receive(pair.grpc.get(), 22).size(), 22u) << "what comes after the last call";
 }
 
+TEST(Gate, CallsWithLongHeadersBeginMoreSlowly) {
+  GateLimits limits;
+  limits.frames.paced_burst = 10, limits.frames.paced_per_s = 500;
+  GateWorld world(limits, nullptr, 1);
+  const Pair pair(world);
+  ASSERT_TRUE(pair.pass(test::greeting()));
+  std::string all;
+  for (uint32_t n = 0; n < 20; ++n) all += test::call(n, 8 << 10);  // each counts as 8
+  test::send_all(pair.client.get(), all);
+  const double begin_s = gate_now_s();
+  EXPECT_EQ(test::receive(pair.grpc.get(), all.size()), all);
+  EXPECT_GT(gate_now_s() - begin_s, 0.9 * (18 * 8 - 10) / 500);
+}
+
 TEST(Gate, TheClientWithFewerCallsGoesOnFirst) {
   GateLimits limits;
   limits.frames.paced_burst = 10, limits.frames.paced_per_s = 100;
