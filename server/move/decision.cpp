@@ -13,6 +13,8 @@ MoveReason reason_of(FlightCourse course, const WhatIsSeen& seen) {
       return MoveReason::kHorizonGrown;
     case FlightCourse::kFarWay:
       return MoveReason::kFarWay;
+    case FlightCourse::kToShot:
+      return MoveReason::kFarViewpoint;
     case FlightCourse::kFollow:
       if (all) return seen.other_shot ? MoveReason::kOtherShot : MoveReason::kAtDesiredPlace;
       break;
@@ -34,6 +36,8 @@ std::string_view explain(MoveReason reason) {
       return "no position in reach is known to see all targets; going to the best partial view";
     case MoveReason::kHorizonGrown:
       return "no position in reach is known to see any target; looking farther away";
+    case MoveReason::kFarViewpoint:
+      return "standing targets are hidden; going to a viewpoint farther away that sees more of them";
     case MoveReason::kOtherShot:
       return "the targets are seen better from another side than the asked one; all of them are visible from there";
     case MoveReason::kBestSoon:
@@ -92,6 +96,8 @@ std::string_view to_string(MoveReason reason) {
       return "best_partial";
     case MoveReason::kHorizonGrown:
       return "horizon_grown";
+    case MoveReason::kFarViewpoint:
+      return "far_viewpoint";
     case MoveReason::kOtherShot:
       return "other_shot";
     case MoveReason::kBestSoon:

@@ -33,6 +33,7 @@ enum class MoveReason {
   kBestAllVisible,
   kBestPartial,
   kHorizonGrown,
+  kFarViewpoint,
   kOtherShot,
   kBestSoon,
   kStays,
@@ -54,6 +55,7 @@ enum class FlightCourse {
   kToView,    // along the plan, which shows no target, toward a place beyond its end that does
   kFarWay,    // none in reach does, or none has been seen for long: through the level to the nearest target
   kApproach,  // none in reach does, and no way is known: nearer to the desired position
+  kToShot,    // through a time of less sight to the wanted shot of targets that stand
 };
 // The courses that a decision compared. A loss is the cost of a course over the coming 1.2 s, as a share of what it
 // costs to see no target all that time. It holds what pictures are expected to lack, and how far they depart from the

@@ -101,7 +101,7 @@ bool StateFields::possible(const ComparedCourses& courses) {
   const auto loss = [](const std::optional<double>& of) {
     return of.value_or(0.0) >= 0 && of.value_or(0.0) <= kMostLoss;
   };
-  return up_to(courses.taken.value_or(FlightCourse::kFollow), FlightCourse::kApproach) && loss(courses.follow_loss) &&
+  return up_to(courses.taken.value_or(FlightCourse::kFollow), FlightCourse::kToShot) && loss(courses.follow_loss) &&
          loss(courses.stay_loss) && loss(courses.plan_loss);
 }
 

@@ -49,6 +49,13 @@ constexpr double kBlindS = 2.0, kSearchAgainS = 1.0;
 // So many cells of the way's grid, at most, lie between the camera and the target; and no way is searched for that is
 // farther.
 constexpr double kFarCells = 80.0, kFarthestM = 400.0;
+// The viewpoint search may know that this share more of standing targets is seen at the wanted shot than pictures of
+// late have shown. The camera then takes a far way to the shot, which ends this near to it. On its way, this part of it
+// is enough to go on.
+constexpr double kShotGain = 0.3, kShotGoesOn = 0.5, kShotNearM = 1.0;
+// Nothing is known at first, and all viewpoints are assumed to be good. That is forgotten after so many time constants
+// of the search's memory.
+constexpr double kSurelyKnown = 3.0;
 // How much more what is seen beyond a plan counts where nothing is seen on it, in plans.
 constexpr double kBeyondWhileBlind = 3.0;
 // On a far way the camera brakes for each corner as if it were to stop so far behind it.
@@ -123,9 +130,10 @@ class GoalSearch {
     const FlightPlan& plan = planner_.plan(start(), settings_);
     blind_ = blind_since();
     std::optional<Goal> goal;
-    if (blind_.blind_s >= kBlindS) goal = take_far_way(body_radius_m);
+    if (blind_.blind_s >= kBlindS || shot_shows_more()) goal = take_far_way(body_radius_m);
     if (!goal) goal = sees_any(plan) ? go_on(plan) : go_to_view(plan, body_radius_m);
-    if (goal->courses.taken != FlightCourse::kFarWay) blind_.way_m.clear();
+    if (goal->courses.taken != FlightCourse::kFarWay && goal->courses.taken != FlightCourse::kToShot)
+      blind_.way_m.clear();
     goal->blind = blind_;
     goal->change = change_;
     return *goal;
@@ -373,17 +381,42 @@ class GoalSearch {
     blind.blind_s = seen_of_late(in_.step, in_.carried) == 0 ? blind.blind_s + in_.step.decision_s : 0.0;
     return blind;
   }
+  bool knows_shot() const {
+    const double known_s = kSurelyKnown * in_.step.input.settings.move.viewpoint_search.memory_s;
+    return in_.carried.shot.viewpoint && in_.carried.viewpoints.known_s() >= known_s;
+  }
+  // The share of the targets that is hidden, by what is seen of each.
+  template <typename Share>
+  double hidden_by(Share share) const {
+    std::array<float, kMaxTargets> seen;
+    for (size_t i = 0; i < in_.step.target_count(); ++i) seen[i] = share(i);
+    return hidden_share(in_.step.targets.tracked_targets, std::span(seen).first(in_.step.target_count()));
+  }
+  // Only of targets that stand: among those that move, what is seen from the shot may be over when the camera arrives.
+  bool shot_shows_more() const {
+    if (!targets_stand(in_.step) || !knows_shot()) return false;
+    const std::optional<glm::dvec3>& in_line_m = in_.carried.shot.in_line_m;
+    const ViewpointMap& known = in_.carried.viewpoints;
+    const size_t place = in_line_m ? known.nearest_viewpoint(*in_line_m) : *in_.carried.shot.viewpoint;
+    const double of_late = hidden_by(
+        [&](size_t i) { return static_cast<float>(in_.carried.shares.share(i).value_or(0.0)); });
+    const double enough = kShotGain * (in_.carried.blind.way_m.empty() ? 1.0 : kShotGoesOn);
+    return of_late - hidden_by([&](size_t i) { return known.share(i, place); }) >
+           good_enough_share(enough, effective_count(in_.step.targets.sight_weights));
+  }
   std::optional<Goal> take_far_way(double body_radius_m) {
-    if (blind_.searched_s >= kSearchAgainS) find_far_way(body_radius_m);
+    const bool to_shot = blind_.blind_s < kBlindS && shot_shows_more();
+    if (blind_.searched_s >= kSearchAgainS) find_far_way(to_shot, body_radius_m);
     const std::optional<Leg> leg = leg_of_far_way();
     if (!leg) return std::nullopt;
     scratch_.way.clear();
-    Goal goal{.choice = choice_for(MoveStatus::kEscaping, FlightCourse::kFarWay),
+    const FlightCourse course = to_shot ? FlightCourse::kToShot : FlightCourse::kFarWay;
+    Goal goal{.choice = choice_for(to_shot ? MoveStatus::kPartial : MoveStatus::kEscaping, course),
               .position_m = part_of_way_m(leg->to_m, settings_.speed_mps * kGoalS),
               .velocity_mps = velocity_along(in_.step, *leg, glm::dvec3(0.0)),
               .tracking = along(in_.step, *leg)};
-    goal.courses.taken = FlightCourse::kFarWay;
-    goal.searches = true, goal.way_m = leg->length_m;
+    goal.courses.taken = course;
+    goal.searches = !to_shot, goal.way_m = leg->length_m;
     for (size_t k = 1; k < blind_.way_m.size(); ++k) *goal.way_m += glm::distance(blind_.way_m[k - 1], blind_.way_m[k]);
     return goal;
   }
@@ -395,9 +428,17 @@ class GoalSearch {
     input.near_m = std::max(input.near_m, input.keep_off_m + input.cell_m);
     return input;
   }
-  void find_far_way(double body_radius_m) {
+  FarWayInput way_to_shot(double body_radius_m) const {
+    return {.from_m = eye_m(),
+            .to_m = in_.desired_m,
+            .body_radius_m = body_radius_m,
+            .near_m = kShotNearM,
+            .keep_off_m = 0.0};
+  }
+  // To the wanted shot, or to the nearest steered target.
+  void find_far_way(bool to_shot, double body_radius_m) {
     blind_.searched_s = 0.0;
-    const FarWayInput input = way_to_target(body_radius_m);
+    const FarWayInput input = to_shot ? way_to_shot(body_radius_m) : way_to_target(body_radius_m);
     if (glm::distance(input.from_m, input.to_m) > kFarthestM) return blind_.way_m.clear();
     std::vector<uint32_t>& slots = scratch_.target_slots;
     slots.clear();
@@ -408,7 +449,7 @@ class GoalSearch {
     scratch_.far_colliders.gather(in_.step.input.scene, eye_m(), FarWayFinder::kReachCells * input.cell_m, slots);
     scratch_.far_colliders.allow(kMostTests);
     WayPoints found_m;  // where nothing is found, the former way still leads nearer to the target
-    if (scratch_.far_ways.find(scratch_.far_colliders, input, found_m)) blind_.way_m = found_m;
+    if (scratch_.far_ways.find(scratch_.far_colliders, input, found_m) || to_shot) blind_.way_m = found_m;
   }
   glm::dvec3 nearest_target_m() const {
     glm::dvec3 nearest_m = in_.step.center_m();

@@ -43,6 +43,8 @@ v1::MoveReason to_proto(MoveReason reason) {
       return v1::MOVE_REASON_BODY_OVERLAP;
     case MoveReason::kObservedCut:
       return v1::MOVE_REASON_OBSERVED_CUT;
+    case MoveReason::kFarViewpoint:
+      return v1::MOVE_REASON_FAR_VIEWPOINT;
     case MoveReason::kOtherShot:
       return v1::MOVE_REASON_OTHER_SHOT;
     case MoveReason::kBestSoon:
@@ -148,6 +150,8 @@ v1::Course to_proto(FlightCourse course) {
       return v1::COURSE_APPROACH;
     case FlightCourse::kFarWay:
       return v1::COURSE_FAR_WAY;
+    case FlightCourse::kToShot:
+      return v1::COURSE_TO_SHOT;
   }
   return v1::COURSE_UNSPECIFIED;
 }

@@ -120,8 +120,9 @@ TEST(ChoiceOf, SaysWhatTheCandidateSees) {
 
 // What each reason claims (diagnostics.proto), checked for all that a goal, and all that the other candidates may see.
 TEST(ReasonOf, ClaimsOnlyWhatIsSo) {
-  for (const FlightCourse course : {FlightCourse::kFollow, FlightCourse::kStay, FlightCourse::kPlan,
-                                    FlightCourse::kToView, FlightCourse::kApproach, FlightCourse::kFarWay})
+  for (const FlightCourse course :
+       {FlightCourse::kFollow, FlightCourse::kStay, FlightCourse::kPlan, FlightCourse::kToView, FlightCourse::kApproach,
+        FlightCourse::kFarWay, FlightCourse::kToShot})
     for (const uint32_t from_goal : {0b00u, 0b01u, 0b11u})
       for (const bool somewhere_all : {false, true})
         for (const auto& [other_shot, keeps_shot] :
@@ -138,6 +139,7 @@ TEST(ReasonOf, ClaimsOnlyWhatIsSo) {
           EXPECT_TRUE(reason != MoveReason::kBestPartial || (!somewhere_all && from_goal != 0));
           EXPECT_TRUE(reason != MoveReason::kBestSoon || from_goal != 0b11u);
           EXPECT_EQ(reason == MoveReason::kNearestView, course == FlightCourse::kToView);
+          EXPECT_EQ(reason == MoveReason::kFarViewpoint, course == FlightCourse::kToShot);
           EXPECT_EQ(reason == MoveReason::kStays, course == FlightCourse::kStay);
           EXPECT_EQ(reason == MoveReason::kHorizonGrown, course == FlightCourse::kApproach);
           EXPECT_EQ(reason == MoveReason::kFarWay, course == FlightCourse::kFarWay);

@@ -360,6 +360,7 @@ TEST(ToProto, ReasonsAndWhatATargetIsLikeAreSent) {
       {MoveReason::kBodyOverlap, v1::MOVE_REASON_BODY_OVERLAP},
       {MoveReason::kObservedCut, v1::MOVE_REASON_OBSERVED_CUT},
       {MoveReason::kCut, v1::MOVE_REASON_CUT},
+      {MoveReason::kFarViewpoint, v1::MOVE_REASON_FAR_VIEWPOINT},
       {MoveReason::kOtherShot, v1::MOVE_REASON_OTHER_SHOT},
       {MoveReason::kBestSoon, v1::MOVE_REASON_BEST_SOON},
       {MoveReason::kStays, v1::MOVE_REASON_STAYS},
