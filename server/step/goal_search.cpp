@@ -1,7 +1,7 @@
 // The goal of strategy kMinCost. A flight plan (move/flight_plan.h) says where the camera should be at each time of the
 // coming second, so that the targets are seen then. Two simpler ways are compared with it: to follow the desired
-// position, and to stay. A plan knows nothing of what lies outside the bound. So a camera that sees no target, and has
-// no plan that shows one, takes a way through the level.
+// position, and to stay. A plan knows nothing of what lies outside the bound. So a camera takes a far way through the
+// level when it sees no target and no plan shows one, or when targets that stand are seen better from the wanted shot.
 #include <algorithm>
 #include <array>
 #include <cmath>

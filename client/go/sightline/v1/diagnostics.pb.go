@@ -202,7 +202,7 @@ const (
 	MoveReason_MOVE_REASON_ON_TRAIL MoveReason = 11
 	// It jumped to a place that sees the targets, since Settings.cut_after_s allows it or Shot.cut asked for it.
 	MoveReason_MOVE_REASON_CUT MoveReason = 12
-	// Not sent since 0.2. Targets have been hidden for half a second, or are expected to be. It goes to a viewpoint farther away that sees more of them, although
+	// Targets that stand are hidden. It goes to a viewpoint farther away that sees more of them, although
 	// it may see less on its way.
 	MoveReason_MOVE_REASON_FAR_VIEWPOINT MoveReason = 13
 	// All targets are seen from the place where the camera is or goes, but it is not that of the asked shot, since they are seen better from this one.
@@ -312,7 +312,7 @@ const (
 	Course_COURSE_APPROACH Course = 6
 	// It goes through the level to the nearest target.
 	Course_COURSE_FAR_WAY Course = 7
-	// Not sent since 0.2. It goes to the wanted place, although it sees less on the way.
+	// It goes to the wanted place, although it sees less on the way.
 	Course_COURSE_TO_SHOT Course = 8
 )
 
