@@ -30,9 +30,9 @@ struct FrameLimits {
   double calls_burst = 1000.0, calls_per_s = 200.0;
   // Calls that one relay lets begin at once, and how many more each second, of all clients together. Others wait for
   // their turn. gRPC reads all fields of a call's headers before it refuses them, and a field can have five bytes. So
-  // each further KiB after the first counts as a call.
+  // so many bytes of headers, beyond the first so many, count as a call.
   double paced_burst = 32.0, paced_per_s = 2000.0;
-  double bytes_of_paced = 1024.0;
+  double bytes_of_paced = 512.0;
   // Overhead that may come at once, and how much more each second. A frame is an overhead of 1, and of 1 more for each
   // 512 bytes that belong to no message. A frame of data is none if it completes a message or ends a call, and
   // otherwise less, the more it carries. Each call that begins, and each frame of the server that a client may answer,

@@ -139,11 +139,11 @@ TEST(Gate, CallsWithLongHeadersBeginMoreSlowly) {
   const Pair pair(world);
   ASSERT_TRUE(pair.pass(test::greeting()));
   std::string all;
-  for (uint32_t n = 0; n < 20; ++n) all += test::call(n, 8 << 10);  // each counts as 8
+  for (uint32_t n = 0; n < 20; ++n) all += test::call(n, 5 << 10);  // each counts as 10
   test::send_all(pair.client.get(), all);
   const double begin_s = gate_now_s();
   EXPECT_EQ(test::receive(pair.grpc.get(), all.size()), all);
-  EXPECT_GT(gate_now_s() - begin_s, 0.9 * (18 * 8 - 10) / 500);
+  EXPECT_GT(gate_now_s() - begin_s, 0.9 * (18 * 10 - 10) / 500);
 }
 
 TEST(Gate, TheClientWithFewerCallsGoesOnFirst) {

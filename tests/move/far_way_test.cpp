@@ -115,6 +115,20 @@ TEST(FarWay, KeepsItsDistanceAndNeedsNoWayWhereItIsNear) {
   EXPECT_FALSE(world.finder.find(world.field, world.input, world.points_m));
 }
 
+// Two long walls lie across the way, with gaps at opposite ends. A grid of 0.5 m would have too many cells.
+TEST(FarWay, ACoarserGridLeadsFarther) {
+  Searched world;
+  world.add_box(1, {-10, 0, 60}, {60, 20, 1});
+  world.add_box(2, {10, 0, 120}, {60, 20, 1});
+  world.field.gather(world.mirror, {0, 0, 0}, FarWayFinder::kReachCells * 2.25, {});
+  world.input = {.from_m = {0, 0, 0}, .to_m = {0, 0, 180}, .body_radius_m = kBody_m, .cell_m = 2.25, .near_m = 4.0};
+  ASSERT_TRUE(world.finder.find(world.field, world.input, world.points_m));
+  world.expect_sound();
+  EXPECT_LT(world.length_m(), 280);
+  world.input.cell_m = 0.5;
+  EXPECT_FALSE(world.finder.find(world.field, world.input, world.points_m));
+}
+
 TEST(FarWay, AnEndlessSearchEnds) {
   Room room(false);  // around the target
   EXPECT_FALSE(room.find({0, 0, 20}, {0, 0, 0}));
