@@ -369,8 +369,8 @@ class PlantedViolations(unittest.TestCase):
         self.expect_found("in a circle", "server/record -> server/", "server/wire -> server/record")
 
     def test_a_header_of_nowhere(self):
-        self.plant("server/move/trail.cpp", "#include <boost/any.hpp>")
-        self.expect_found("server/move/trail.cpp:1:", "boost/any.hpp", "neither")
+        self.plant("server/move/shot.cpp", "#include <boost/any.hpp>")
+        self.expect_found("server/move/shot.cpp:1:", "boost/any.hpp", "neither")
 
     def test_a_file_that_no_target_compiles(self):
         self.plant("server/move/forgotten.cpp", "// nobody compiles this")
