@@ -17,11 +17,12 @@ namespace sightline {
 // Points of a way, the next one first, without the position where it begins.
 using WayPoints = InlineVector<glm::dvec3, 32>;
 
-// How long the camera has not seen its targets, and where it goes then.
+// How long the camera has not seen its targets, or could see more of them, and where it goes then.
 struct BlindState {
-  double blind_s = 0.0;     // since it saw any of them
-  double searched_s = 1e3;  // since the last search for a way; at first that was long ago
-  WayPoints way_m;          // that it is on; empty: on none
+  double blind_s = 0.0;       // since it saw any of them
+  double shot_gains_s = 0.0;  // for which the wanted shot has been known to show more of them
+  double searched_s = 1e3;    // since the last search for a way; at first that was long ago
+  WayPoints way_m;            // that it is on; empty: on none
 };
 
 struct FarWayInput {

@@ -259,8 +259,8 @@ struct StateFields {
 
   template <typename A, SameAs<BlindState> T>
   static void each(A& archive, T& blind) {
-    auto& [blind_s, searched_s, way] = blind;
-    archive(blind_s, searched_s, way);
+    auto& [blind_s, shot_gains_s, searched_s, way] = blind;
+    archive(blind_s, shot_gains_s, searched_s, way);
   }
   template <typename A, SameAs<SummedGain> T>
   static void each(A& archive, T& gain) {

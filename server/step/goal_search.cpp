@@ -50,9 +50,9 @@ constexpr double kBlindS = 2.0, kSearchAgainS = 1.0;
 // farther.
 constexpr double kFarCells = 80.0, kFarthestM = 400.0;
 // The viewpoint search may know that this share more of standing targets is seen at the wanted shot than pictures of
-// late have shown. The camera then takes a far way to the shot, which ends this near to it. On its way, this part of it
-// is enough to go on.
-constexpr double kShotGain = 0.3, kShotGoesOn = 0.5, kShotNearM = 1.0;
+// late have shown. When it has known that for this time, the camera takes a far way to the shot, which ends this near
+// to it. On its way, this part of the gain is enough to go on.
+constexpr double kShotGain = 0.3, kShotGainsS = 0.5, kShotGoesOn = 0.5, kShotNearM = 1.0;
 // Nothing is known at first, and all viewpoints are assumed to be good. That is forgotten after so many time constants
 // of the search's memory.
 constexpr double kSurelyKnown = 3.0;
@@ -130,7 +130,7 @@ class GoalSearch {
     const FlightPlan& plan = planner_.plan(start(), settings_);
     blind_ = blind_since();
     std::optional<Goal> goal;
-    if (blind_.blind_s >= kBlindS || shot_shows_more()) goal = take_far_way(body_radius_m);
+    if (blind_.blind_s >= kBlindS || blind_.shot_gains_s >= kShotGainsS) goal = take_far_way(body_radius_m);
     if (!goal) goal = sees_any(plan) ? go_on(plan) : go_to_view(plan, body_radius_m);
     if (goal->courses.taken != FlightCourse::kFarWay && goal->courses.taken != FlightCourse::kToShot)
       blind_.way_m.clear();
@@ -378,7 +378,9 @@ class GoalSearch {
   BlindState blind_since() const {
     BlindState blind = in_.carried.blind;
     blind.searched_s += in_.step.decision_s;
-    blind.blind_s = seen_of_late(in_.step, in_.carried) == 0 ? blind.blind_s + in_.step.decision_s : 0.0;
+    const auto lasts_s = [&](bool is_so, double before_s) { return is_so ? before_s + in_.step.decision_s : 0.0; };
+    blind.blind_s = lasts_s(seen_of_late(in_.step, in_.carried) == 0, blind.blind_s);
+    blind.shot_gains_s = lasts_s(shot_shows_more(), blind.shot_gains_s);
     return blind;
   }
   bool knows_shot() const {
@@ -405,7 +407,7 @@ class GoalSearch {
            good_enough_share(enough, effective_count(in_.step.targets.sight_weights));
   }
   std::optional<Goal> take_far_way(double body_radius_m) {
-    const bool to_shot = blind_.blind_s < kBlindS && shot_shows_more();
+    const bool to_shot = blind_.blind_s < kBlindS && blind_.shot_gains_s >= kShotGainsS;
     if (blind_.searched_s >= kSearchAgainS) find_far_way(to_shot, body_radius_m);
     const std::optional<Leg> leg = leg_of_far_way();
     if (!leg) return std::nullopt;
