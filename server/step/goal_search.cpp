@@ -50,8 +50,9 @@ constexpr double kBlindS = 2.0, kSearchAgainS = 1.0;
 // farther.
 constexpr double kFarCells = 80.0, kFarthestM = 400.0;
 // The viewpoint search may know that this share more of standing targets is seen at the wanted shot than pictures of
-// late have shown. When it has known that for this time, the camera takes a far way to the shot, which ends this near
-// to it. On its way, this part of the gain is enough to go on.
+// late have shown. When it has known that for this time, or for as long as the straight way takes if that is longer,
+// the camera takes a far way to the shot, which ends this near to it. On its way, this part of the gain is enough to go
+// on.
 constexpr double kShotGain = 0.3, kShotGainsS = 0.5, kShotGoesOn = 0.5, kShotNearM = 1.0;
 // Nothing is known at first, and all viewpoints are assumed to be good. That is forgotten after so many time constants
 // of the search's memory.
@@ -130,7 +131,7 @@ class GoalSearch {
     const FlightPlan& plan = planner_.plan(start(), settings_);
     blind_ = blind_since();
     std::optional<Goal> goal;
-    if (blind_.blind_s >= kBlindS || blind_.shot_gains_s >= kShotGainsS) goal = take_far_way(body_radius_m);
+    if (blind_.blind_s >= kBlindS || goes_to_shot()) goal = take_far_way(body_radius_m);
     if (!goal) goal = sees_any(plan) ? go_on(plan) : go_to_view(plan, body_radius_m);
     if (goal->courses.taken != FlightCourse::kFarWay && goal->courses.taken != FlightCourse::kToShot)
       blind_.way_m.clear();
@@ -406,8 +407,10 @@ class GoalSearch {
     return of_late - hidden_by([&](size_t i) { return known.share(i, place); }) >
            good_enough_share(enough, effective_count(in_.step.targets.sight_weights));
   }
+  // By the straight way the camera would be there by then.
+  bool goes_to_shot() const { return blind_.shot_gains_s >= std::max(kShotGainsS, left_m() / settings_.speed_mps); }
   std::optional<Goal> take_far_way(double body_radius_m) {
-    const bool to_shot = blind_.blind_s < kBlindS && blind_.shot_gains_s >= kShotGainsS;
+    const bool to_shot = blind_.blind_s < kBlindS && goes_to_shot();
     if (blind_.searched_s >= kSearchAgainS) find_far_way(to_shot, body_radius_m);
     const std::optional<Leg> leg = leg_of_far_way();
     if (!leg) return std::nullopt;
