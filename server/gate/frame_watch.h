@@ -30,7 +30,7 @@ struct FrameLimits {
   double calls_burst = 1000.0, calls_per_s = 200.0;
   // Calls that one relay lets begin at once, and how many more each second, of all clients together. Others wait for
   // their turn. gRPC reads all fields of a call's headers before it refuses them, and a field can have five bytes. So
-  // so many bytes of headers, beyond the first so many, count as a call.
+  // each `bytes_of_paced` bytes of headers after the first count as a call more.
   double paced_burst = 32.0, paced_per_s = 2000.0;
   double bytes_of_paced = 512.0;
   // Overhead that may come at once, and how much more each second. A frame is an overhead of 1, and of 1 more for each
@@ -100,7 +100,8 @@ class FrameWatch {
   // The same, but only up to the end of the first frame that counts for the pace. Returns the number of bytes that it
   // took.
   size_t read_until_call(std::span<const std::byte> bytes, double now_s);
-  // As how many calls the frame with which the last read ended counts for the pace, at most a whole burst; 0: none.
+  // The number of calls that the last frame of the last read counts as for the pace, from 0 (no headers) to a whole
+  // burst; not always a whole number.
   double paced_calls() const { return paced_calls_; }
   // Why the connection must be cut, if it must.
   const std::optional<std::string_view>& reason() const { return reason_; }

@@ -62,7 +62,7 @@ void FarWayFinder::offer(uint32_t node, uint32_t before, double length_m, const 
 void FarWayFinder::begin(const ClearanceField& field, const FarWayInput& input) {
   cell_m_ = input.cell_m;
   nodes_.clear(), heap_.clear();
-  // At once, so that no later step allocates. A node is offered a few times at most.
+  // At once, so that no later step allocates. A node is hardly ever offered more than a few times.
   nodes_.reserve(kMostCells), heap_.reserve(4 * kMostCells), back_.reserve(kMostCells);
   table_.assign(kTableSize, kNone);
   const glm::ivec3 own(glm::round(input.from_m / cell_m_));

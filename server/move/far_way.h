@@ -1,8 +1,9 @@
 // The way through free space to a point far beyond the bound, for a camera that does not see its targets: A* (Hart,
 // Nilsson and Raphael 1968) over a cubic grid fixed in the world.
 //
-// The lattice of candidates is as coarse as the bound is large. This grid has the body's size, so a way through a door
-// is found wherever there is one, as far as the search may look.
+// The lattice of candidates is as coarse as the bound is large. The cells of this grid can be as small as the body.
+// Then a way through a door is found wherever there is one, as far as the search may look. Larger cells lead farther,
+// and may miss what is narrower than they are.
 #pragma once
 
 #include <cstdint>
@@ -28,7 +29,7 @@ struct BlindState {
 struct FarWayInput {
   glm::dvec3 from_m{0.0}, to_m{0.0};
   double body_radius_m = 0.0;
-  double cell_m = 0.5;      // between grid points
+  double cell_m = 0.5;      // > 0: between grid points
   double near_m = 2.0;      // the way ends this near to `to_m`, where nothing is between
   double keep_off_m = 0.5;  // and keeps this distance from it, less than near_m
 };
@@ -49,7 +50,7 @@ class FarWayFinder {
   struct Node {
     glm::ivec3 cell{0};
     uint32_t before = 0;
-    float clear_m = 0;    // to the nearest collider, at most kClearCells
+    float clear_m = 0;    // to the nearest collider, at most kClearCells cells
     double length_m = 0;  // of the way to it
     bool is_settled = false;
   };

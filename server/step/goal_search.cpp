@@ -46,8 +46,8 @@ constexpr Pace kHurried{};
 // A camera that has seen no target for so long takes a way through the level (move/far_way.h), and searches it again
 // after this time, since targets move.
 constexpr double kBlindS = 2.0, kSearchAgainS = 1.0;
-// So many cells of the way's grid, at most, lie between the camera and the target; and no way is searched for that is
-// farther.
+// The grid of the search has at most this number of cells between the camera and the target. Ways to targets beyond
+// this distance are not searched for.
 constexpr double kFarCells = 80.0, kFarthestM = 400.0;
 // The viewpoint search may know that this share more of standing targets is seen at the wanted shot than pictures of
 // late have shown. When it has known that for this time, or for as long as the straight way takes if that is longer,
@@ -427,7 +427,7 @@ class GoalSearch {
   }
   FarWayInput way_to_target(double body_radius_m) const {
     FarWayInput input{.from_m = eye_m(), .to_m = nearest_target_m(), .body_radius_m = body_radius_m};
-    // What is far away is searched for on a coarser grid.
+    // The grid is coarser for a target that is far away.
     input.cell_m = std::max(input.cell_m, glm::distance(input.from_m, input.to_m) / kFarCells);
     input.keep_off_m = std::max(input.keep_off_m, in_.step.input.settings.move.min_distance_m + input.cell_m / 2);
     input.near_m = std::max(input.near_m, input.keep_off_m + input.cell_m);

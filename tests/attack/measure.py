@@ -5,8 +5,7 @@
 Prints a line an attack and writes the figures to FILE as JSON. Each daemon has a control group with 512 MiB, where one can be made. Run it on an
 idle machine: attacker and healthy client share its CPUs with the daemon. An attack passes when every tick of the healthy session was answered, its p99 is
 under 33 ms beyond the time for which the attack stops the daemon itself, and the memory is back within 10 % of what it was before, but for uploads
-that stay. With --probes-out, the gRPC health service and
-/livez are asked ten times a second meanwhile (prober.py).
+that stay. With --probes-out, the gRPC health service and /livez are asked ten times a second meanwhile (prober.py).
 """
 import argparse
 import contextlib

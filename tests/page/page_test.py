@@ -205,7 +205,7 @@ class PageTest(Browsing):
                 self.assertEqual(self.text("losses"), ", ".join(losses) or "–")
                 self.assertNotRegex(self.text("text"), r"(instance|target) \d")
                 self.assert_shot_is_drawn(arrays, frame)
-        self.assertTrue(courses - {"–"} <= {"follow", "stay", "plan", "to view", "trail", "approach", "far way", "to shot"}, courses)
+        self.assertTrue(courses - {"–"} <= {"follow", "stay", "plan", "to view", "approach", "far way", "to shot"}, courses)
 
     def assert_shot_is_drawn(self, arrays, frame):
         """Where the page's numbers have it, until it is switched off."""
